@@ -249,7 +249,8 @@ class _Proof:
         leg = np.repeat(np.arange(legs), len(low))
         low, high = (np.tile(one, legs) for one in (low, high))
         while True:
-            going_on = ~self._done[leg]
+            done = self.stuck | (self.gap < self.least_allowed)
+            going_on = ~done[leg]
             leg, low, high = leg[going_on], low[going_on], high[going_on]
             if not len(leg):
                 break
@@ -260,11 +261,6 @@ class _Proof:
         free = np.where(self.stuck, "not proved", "free")
         verdict = np.where(self.gap < self.least_allowed, "touches", free)
         return Legs(verdict, self.gap, self.pair, self.t)
-
-    @property
-    def _done(self) -> Mask:
-        """Legs (k,) of which no more is asked."""
-        return np.asarray(self.stuck | (self.gap < self.least_allowed))
 
     def _asked(self, leg: Indices) -> Array:
         """The gap (m,) that is to be proved for legs (m,) that were looked at [m]."""

@@ -155,7 +155,8 @@ def _meshes_touch(one: Body, other: Body, frames: Frames) -> bool:
     # Points that are not within the first body's shapes, made larger so much, are farther away.
     around = [replace(capsule, radius=capsule.radius + near) for capsule in one.capsules]
     tree = cKDTree(first)
-    for T in _relative(one, other, frames):
+    outer, inner = (_frames_of(body, frames) for body in (one, other))
+    for T in np.linalg.inv(outer) @ inner:
         points = second @ T[:3, :3].T + T[:3, 3]
         points = points[np.any([inside(part, points) for part in around], axis=0)]
         if np.isfinite(tree.query(points, distance_upper_bound=near)[0]).any():
@@ -166,12 +167,6 @@ def _meshes_touch(one: Body, other: Body, frames: Frames) -> bool:
 def _corners(body: Body) -> Array:
     """All triangles (f, 3, 3) of a body [m]."""
     return np.concatenate([mesh.triangles for mesh in body.meshes])
-
-
-def _relative(one: Body, other: Body, frames: Frames) -> Array:
-    """Frames (k, 4, 4) of the carrier of one body in that of the other [m]."""
-    inner, outer = (_frames_of(body, frames) for body in (other, one))
-    return np.asarray(np.linalg.inv(outer) @ inner)
 
 
 def _frames_of(body: Body, frames: Frames) -> Array:

@@ -16,7 +16,7 @@ from edtk.cell.shapes import Body, Box, Capsule, Cylinder, Mesh, Shape, Source
 from edtk.robots.frames import MILLIMETRE
 from edtk.robots.load_robot import TOML, URDF, robot_content
 from edtk.robots.robot import Robot
-from edtk.robots.robot_file import BodyTable, RobotFile, RobotFileError
+from edtk.robots.robot_file import BodyTable, RobotFile, RobotFileError, told_at
 from edtk.robots.rotations import transform
 from edtk.robots.urdf.chain import links_at_rest, links_below
 from edtk.robots.urdf.load_urdf import XACRO, chain_of
@@ -89,12 +89,10 @@ def typed_bodies(
         )
         for table in tables
     ]
-    try:
+    with told_at(where, "body"):
         found = merged(
             Body(name, carrier, (capsule,), source) for name, carrier, capsule in capsules
         )
-    except ValueError as error:
-        raise RobotFileError(str(error), where=where, key="body") from error
     return tuple(body if body.carrier is not None else body.moved(robot.base) for body in found)
 
 
@@ -266,14 +264,11 @@ class _Shapes:
     def body(self, link: str, T: Array, carrier: int | None) -> Body | None:
         """The body of a link whose frame is T in that of its carrier; None without a shape."""
         element = self.tree.elements[link]
-        try:
+        with told_at(self.where, f"link {link}"):
             parts = self._parts(element)
             if not parts:
                 return None
             shapes = held(parts, stands=carrier is None)
-        except ValueError as error:
-            message = str(error)
-            raise RobotFileError(message, where=self.where, key=f"link {link}") from error
         return Body(link, carrier, shapes, "URDF", tuple(map(_mesh_of, parts))).moved(T)
 
     def _parts(self, link: Element) -> list[Shape | Mesh]:

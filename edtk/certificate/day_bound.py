@@ -58,7 +58,16 @@ class DayBound:
         Raises:
             ValueError: A set of loads has no proof that proves anything.
         """
-        return min((part.cost(searched) for part in self._parts), default=float("nan"))
+        return min((self._cost(part, searched) for part in self._parts), default=float("nan"))
+
+    def _cost(self, part: "_Part", searched: bool) -> float:
+        """A bound on the cost of every plan of one set of loads, see `Case.bound`."""
+        largest = part.largest
+        t = largest.searched if searched else largest.proved
+        targets = largest.setting.tasks.proving(self.name, largest.proof.task_weights, len(t))
+        Z = largest.multipliers.Z
+        least = lower_bound(self.name, Z, t, targets, part.M, self.interest)
+        return least * part.total ** (-self.degree)
 
     @property
     def excess(self) -> float:
@@ -108,7 +117,7 @@ class DayBound:
         # Only G needs a matrix, to find good weights; bad ones would prove less, not more.
         own = self.made.stacked(setting)
         M = own.T @ own / total + prior
-        return _Part(self.name, self.degree, largest, M, total, self.interest)
+        return _Part(largest, M, total)
 
     def _is_blind(self, setting: Setting) -> bool:
         """Whether visits of any poses under some loads leave a parameter open."""
@@ -134,32 +143,17 @@ class DayBound:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """The bound of one set of loads.
+    """One set of loads.
 
     Attributes:
-        name: Name of the criterion.
-        degree: Degree of homogeneity of its cost.
         largest: The largest sensitivities.
         M: An information matrix (p, p) for one unit of the amount.
         total: The amount: visits, or costs.
-        interest: Combinations (p, s) that the criterion is about; None for all parameters.
     """
 
-    name: str
-    degree: float
     largest: LargestSensitivities
     M: Array
     total: float
-    interest: Array | None
-
-    def cost(self, searched: bool) -> float:
-        """The cost that no plan of these loads beats."""
-        t = self.largest.searched if searched else self.largest.proved
-        setting = self.largest.setting
-        targets = setting.tasks.proving(self.name, self.largest.proof.task_weights, len(t))
-        Z = self.largest.multipliers.Z
-        least = lower_bound(self.name, Z, t, targets, self.M, self.interest)
-        return least * self.total**-self.degree
 
 
 def read_proofs(content: Any, setting: Setting) -> dict[tuple[int, ...], Proof]:

@@ -27,10 +27,6 @@ class Link:
     slope: Callable[[Array], Array]
 
 
-def _normal_density(eta: Array) -> Array:
-    return np.exp(-np.square(eta) / 2) / np.sqrt(2 * np.pi)
-
-
 LINKS = {
     link.name: link
     for link in (
@@ -38,7 +34,12 @@ LINKS = {
         Link("log", np.exp, lambda eta: -np.expm1(eta), np.exp),
         Link("inverse", lambda eta: 1 / eta, lambda eta: (eta - 1) / eta, lambda eta: -1 / eta**2),
         Link("logit", expit, lambda eta: expit(-eta), lambda eta: expit(eta) * expit(-eta)),
-        Link("probit", ndtr, lambda eta: ndtr(-eta), _normal_density),
+        Link(
+            "probit",
+            ndtr,
+            lambda eta: ndtr(-eta),
+            lambda eta: np.exp(-np.square(eta) / 2) / np.sqrt(2 * np.pi),
+        ),
         Link(
             "cloglog",
             lambda eta: -np.expm1(-np.exp(eta)),

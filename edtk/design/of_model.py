@@ -79,7 +79,7 @@ def of_rivals(
             rival, _inside(free, limits), points, variables=true.variables, **options
         )
     except ArgumentError as error:
-        raise _about_rival(error) from error
+        raise ArgumentError(f"the rival: {error}", argument="rival") from error
     responses = true.predicted(points[:1]).shape[1]
     if other.predicted(points[:1]).shape[1] != responses:
         message = f"expected {responses} responses, as many as f has"
@@ -212,11 +212,6 @@ def _inside(names: Sequence[str], limits: Array) -> dict[str, float]:
     """Theta within its ranges, at which a model is tried."""
     low, high = limits
     return dict(zip(names, (low + OFF_MIDDLE * (high - low)).tolist(), strict=True))
-
-
-def _about_rival(error: ArgumentError) -> ArgumentError:
-    """The same error, about the rival and not about f."""
-    return ArgumentError(f"the rival: {error}", argument="rival")
 
 
 def _models(

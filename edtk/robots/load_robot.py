@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from edtk.robots.robot import Robot
-from edtk.robots.robot_file import RobotFileError, robot_from_dict
+from edtk.robots.robot_file import RobotFileError, robot_from_dict, told_at
 from edtk.robots.urdf.load_urdf import XACRO, arm_in, load_urdf
 from edtk.system.arguments import checked
 from edtk.system.errors import UserError
@@ -89,10 +89,8 @@ def robot_content(name: str, folder: Path | None = None) -> dict[str, Any]:
 
 
 def _limited(robot: Robot, limits: Mapping[str, tuple[float, float]] | None) -> Robot:
-    try:
+    with told_at(None, "limits"):
         return robot.with_limits(limits or {})
-    except ValueError as error:
-        raise RobotFileError(str(error), key="limits") from error
 
 
 def _content(name: str, folder: Path) -> dict[str, Any]:

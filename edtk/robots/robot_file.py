@@ -1,7 +1,8 @@
 """Robots as data: the keys of a robot file, the chain that they describe, and the way back."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -32,6 +33,19 @@ DECIMALS = 12
 
 LARGEST_FACTOR = 1e3  # of a coupling; gears between joints of an arm are far below
 UNITS = {"deg": "revolute", "mm": "prismatic"}
+
+
+class RobotFileError(UserError):
+    """A robot that does not exist, or whose description is not as it should be."""
+
+
+@contextmanager
+def told_at(where: str | None, key: str | None = None) -> Iterator[None]:
+    """What is wrong with a part of a robot is told with its place in the file."""
+    try:
+        yield
+    except ValueError as error:
+        raise RobotFileError(str(error), where=where, key=key) from error
 
 
 class Leader(Table):
@@ -223,11 +237,9 @@ def coupled(robot: Robot, tables: Sequence[CouplingTable], where: str | None = N
     Raises:
         RobotFileError: One of them is wrong, or no pose is left.
     """
-    try:
+    with told_at(where, "coupling"):
         more = tuple(table.build() for table in tables)
         return replace(robot, couplings=(*robot.couplings, *more)) if more else robot
-    except ValueError as error:
-        raise RobotFileError(str(error), where=where, key="coupling") from error
 
 
 class MimicTable(Table):
@@ -452,10 +464,6 @@ class BodyTable(Table):
     radius_mm: Annotated[Finite, Field(gt=0)] = Field(description="Radius of the capsule [mm]")
 
 
-class RobotFileError(UserError):
-    """A robot that does not exist, or whose description is not as it should be."""
-
-
 class _Frame(PlacedTable):
     """A frame, placed in another one: shifted by `position_m`, and turned."""
 
@@ -538,10 +546,8 @@ class RobotFile(Table):
                     has = ", ".join(free) or "none"
                     message = f"no free joint {one.joint!r}; this robot has {has}"
                     raise RobotFileError(message, where=where, key=f"{key}.joint")
-            try:
+            with told_at(where, key):
                 found.append(joint.tied(i))
-            except ValueError as error:
-                raise RobotFileError(str(error), where=where, key=key) from error
         return tuple(found)
 
     def _links(self, where: str | None) -> tuple[Link, ...]:
@@ -563,20 +569,16 @@ def _with_compensators(
     """The robot with compensators, each of which fits its joint."""
     found: list[Compensator] = []
     for i, one in enumerate(given):
-        try:
+        with told_at(where, f"compensator.{i}"):
             found.append(one.build())
             robot.pull_of(found[-1])
-        except ValueError as error:
-            raise RobotFileError(str(error), where=where, key=f"compensator.{i}") from error
     return replace(robot, compensators=tuple(found)) if found else robot
 
 
 def _joint(joint: JointTable, index: int, where: str | None) -> Joint:
     """A joint; what is wrong with it is told with its key."""
-    try:
+    with told_at(where, f"joints.{index}"):
         return joint.build()
-    except ValueError as error:
-        raise RobotFileError(str(error), where=where, key=f"joints.{index}") from error
 
 
 class RobotAndMore(Table):

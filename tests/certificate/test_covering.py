@@ -17,17 +17,11 @@ import edtk.design.enclosure.cover as prover
 from edtk.certificate.certificate import certificate
 from edtk.certificate.problem_proofs import coverings_to_list
 from edtk.certificate.recompute.covering import Covering, largest_sensitivities
+from edtk.certificate.recompute.forms import DEGREE, Form, Link
 from edtk.certificate.recompute.physics import Friction
-from edtk.certificate.recompute.pose_polynomials import (
-    DEGREE,
-    Form,
-    Link,
-    Polynomials,
-    require_checkable,
-)
+from edtk.certificate.recompute.pose_polynomials import Growth, Polynomials, require_checkable
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.recompute.tasks import EPS
-from edtk.certificate.recompute.tracked_forms import Growth
 from edtk.certificate.recompute.values import Multipliers
 from edtk.certificate.verify_certificate import verify_certificate
 from edtk.design.enclosure.boxes import Reason

@@ -14,19 +14,9 @@ from typing import Any
 import numpy as np
 
 from edtk.certificate.recompute.candidates import require
+from edtk.certificate.recompute.forms import SAME_END, TURN, Domain, Form, Link, Motion, U
 from edtk.certificate.recompute.plain_data import number, numbers, rows, table, whole
-from edtk.certificate.recompute.pose_polynomials import (
-    COUPLED,
-    OF_LINKS,
-    SAME_END,
-    TURN,
-    Domain,
-    Form,
-    Link,
-    Motion,
-    Polynomials,
-    U,
-)
+from edtk.certificate.recompute.pose_polynomials import COUPLED, OF_LINKS, Polynomials
 from edtk.certificate.recompute.setting import Setting
 from edtk.certificate.recompute.values import Multipliers
 from edtk.system.typing import Array, Indices, Mask

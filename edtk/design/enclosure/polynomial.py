@@ -217,7 +217,8 @@ class Polynomial:
 
         Its error is that of the samples, and what the transforms round, see `Sampling`.
         """
-        samplings = _samplings(axes, values.shape)
+        sizes = zip(axes, values.shape, strict=True)
+        samplings = [axis.sampling(axis.degree(size)) for axis, size in sizes]
         largest = float(np.abs(values).max())
         steps = sum(one.rounding / one.noise for one in samplings)
         error = float(np.prod([one.noise for one in samplings])) * (rounding + steps * largest)
@@ -409,11 +410,6 @@ def sum_of_products(terms: Sequence[tuple[float, Polynomial, Polynomial]]) -> Po
         error += abs(weight) * (f.size * g.error + g.size * f.error)
     total = Polynomial.of_samples(axes, values, rounding)
     return replace(total, error=total.error + error)
-
-
-def _samplings(axes: Sequence[Axis], shape: Sequence[int]) -> list[Sampling]:
-    """How each axis of a tensor of this shape is sampled."""
-    return [axis.sampling(axis.degree(size)) for axis, size in zip(axes, shape, strict=True)]
 
 
 def _along(values: Array, matrices: Sequence[Array]) -> Array:

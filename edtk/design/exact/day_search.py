@@ -55,11 +55,6 @@ class LoadTrial:
         return self.relaxed.best_bound.scaled(self.total)
 
     @property
-    def bound_beyond(self) -> Bound:
-        """No plan of these loads costs less, whether its poses are free or not."""
-        return self.relaxed.certified.best_bound.scaled(self.total)
-
-    @property
     def promise(self) -> float:
         """The cost of the best weights, which the best plan comes near."""
         return self.relaxed.cost * self.total**-self.relaxed.criterion.degree
@@ -378,9 +373,11 @@ class DaySearch:
             best = next(one for one in trials if one.loads == best.loads)
         assert best.found is not None
         kind = BoundKind.SEARCHED if searched else BoundKind.PROVED_ON_CANDIDATES
+        # Beyond the cell: whether poses are free or not.
+        beyond_cell = [one.relaxed.certified.best_bound.scaled(one.total) for one in trials]
         least, beyond = (
             replace(min(bounds, key=lambda one: one.cost), kind=kind)
-            for bounds in ([one.bound for one in trials], [one.bound_beyond for one in trials])
+            for bounds in ([one.bound for one in trials], beyond_cell)
         )
         plain = ExactPlan.of(best.relaxed, best.found, self.kept)
         return DayPlan(

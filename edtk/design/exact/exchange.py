@@ -190,7 +190,7 @@ def _exchanged(
     """Places (b, k) and costs (b,) of plans that no exchange improves."""
     prices = CandidatePrices.of(criterion, problem)
     search = _Search(problem, criterion, criterion.smoothed(GUIDE_SHARPNESS), times, prices)
-    plans = search.plans(places)
+    plans = search.plans_of(places, times)
     # Where a look at all candidates costs no more than one at a few, the best exchange is made.
     sizes = [size for size in shortlists if size < problem.n and prices is None]
     thorough = thorough or not sizes
@@ -251,11 +251,7 @@ class _Search:
     times: Array
     prices: CandidatePrices | None
 
-    def plans(self, places: Indices) -> _Plans:
-        """The plans at places (b, k)."""
-        return self._plans_of(places, self.times)
-
-    def _plans_of(self, places: Indices, times: Array) -> _Plans:
+    def plans_of(self, places: Indices, times: Array) -> _Plans:
         M = self.problem.plan_information(places, times)
         return _Plans(places, M, np.asarray(self.criterion.cost(M)).reshape(-1))
 
@@ -284,7 +280,7 @@ class _Search:
         before = plans[some]
         times = self.times[some]
         candidates = self._shortlists(before, size)
-        after = self._plans_of(self._best_exchanges(before, times, candidates), times)
+        after = self.plans_of(self._best_exchanges(before, times, candidates), times)
         better = np.flatnonzero(after.costs < before.costs * (1 - GAIN_OF_MOVE))
         return plans.replaced(some[better], after[better]), some[better]
 

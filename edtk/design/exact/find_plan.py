@@ -258,7 +258,8 @@ def search_plan(
     space = relaxed.space
     searched = space.alone if places is None else space
     if places is None:
-        places = _enough_places(space.p, m)
+        # The information of any weights is that of weights on so many poses (Caratheodory).
+        places = min(m, space.p * (space.p + 1) // 2 + 1)
     if not _rounds_well(relaxed, m, places):
         require_enough(space, m, places, relaxed.criterion)
     search = _Search(relaxed, searched, m, places, options)
@@ -313,14 +314,6 @@ def _tidied(
             x, repeats = divided(x, repeats)
         x = spread(space, relaxed.criterion, x, repeats, kept)
     return x, repeats
-
-
-def _enough_places(p: int, m: int) -> int:
-    """Number of distinct poses beyond which none is needed, for p parameters and m experiments.
-
-    The information of any weights is that of weights on p(p+1)/2 + 1 poses (Caratheodory).
-    """
-    return min(m, p * (p + 1) // 2 + 1)
 
 
 @dataclass(frozen=True, eq=False)

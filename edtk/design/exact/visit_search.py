@@ -26,7 +26,7 @@ from edtk.design.relaxation.proof import normalised
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.design.relaxation.settle import FEW_PARAMETERS
 from edtk.system.errors import UserError
-from edtk.system.time_limit import out_of_time, time_left, time_limit
+from edtk.system.time_limit import no_progress, out_of_time, time_left, time_limit
 from edtk.system.typing import Array, Indices
 from edtk.system.workers import THIS_PROCESS, Workers
 
@@ -245,7 +245,8 @@ class VisitSearch:
                 self.progress("refine", float(costs.min()))
                 if pool is None or not gained or turn == VISIT_ROUNDS - 1:
                     break
-                both = Candidates(x.reshape(-1, x.shape[-1]), self._problem(x)) + pool
+                visits = x.reshape(-1, x.shape[-1])
+                both = Candidates(visits, self.space.problem(visits)) + pool
                 places = np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])
                 places, repeats, _ = self._each("_exchanged", places, repeats, pool=both)
                 x = both.x[places]
@@ -259,17 +260,13 @@ class VisitSearch:
             tidied = tidy(self.space, self.criterion, plan, float(costs[best]))
         return *tidied, (starts, same, len(alike), ended)
 
-    def _problem(self, x: Array) -> Problem:
-        """The visits of plans (b, k, v)."""
-        return self.space.problem(x.reshape(-1, x.shape[-1]))
-
     def _each(self, method: str, *plans: Any, **options: Any) -> tuple[Array, ...]:
         """What a method of this search makes of plans (b, ...), side by side on several workers."""
         is_long = self.workers.remote or sum(self.relaxed.seconds.values()) >= LONG_RELAXATION
         if self.workers.size == 1 or not is_long:
             return _improved(self, method, *plans, **options)
         # What is seen here goes to no other process.
-        alone = replace(self, progress=_unseen, workers=THIS_PROCESS)
+        alone = replace(self, progress=no_progress, workers=THIS_PROCESS)
         pieces = [
             partial(_improved, alone, method, *(one[[i]] for one in plans), **options)
             for i in range(len(plans[0]))
@@ -311,10 +308,6 @@ class VisitSearch:
 def _improved(search: VisitSearch, method: str, *plans: Any, **options: Any) -> tuple[Array, ...]:
     """What a method of a search makes of plans, as a piece of work for any process."""
     return tuple(getattr(search, method)(*plans, **options))
-
-
-def _unseen(label: str, cost: float) -> None:
-    """Report to nobody."""
 
 
 def _counted(starts: int) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from edtk.robots.joint import ONE_TURN, Joint, Kind, TiedJoint
 from edtk.robots.robot import Robot
-from edtk.robots.robot_file import RobotFileError
+from edtk.robots.robot_file import RobotFileError, told_at
 from edtk.robots.urdf.chain import Limits, arm_of, bodies, chain, limits_of, motion, resolve_tie
 from edtk.robots.urdf.parse_urdf import Mimic, Urdf, UrdfJoint, parse_urdf, urdf_of
 from edtk.robots.urdf.xacro import expand_xacro
@@ -180,13 +180,11 @@ class _Moving:
         tied = []
         for i, (joint, tie) in enumerate(zip(self.joints, ties, strict=True)):
             master = masters[tie.master]
-            try:
+            with told_at(self.where):
                 if joint.name == master:
                     found.append(_joint(joint, origins[i], limits[master], given))
                 else:
                     tied.append(_tied(joint, origins[i], i, master, tie, own[master]))
-            except ValueError as error:
-                raise RobotFileError(str(error), where=self.where) from error
         return tuple(found), tuple(tied)
 
     def _limits(self, free: list[UrdfJoint], given: dict[str, Limits]) -> dict[str, Limits]:

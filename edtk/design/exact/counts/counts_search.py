@@ -396,11 +396,11 @@ class CountsSearch:
         """Plans (b, m) that no exchange of two places improves; equal ones share the work."""
         limits = self.limits
         if limits.blocks:
-            return self._improved(exchange_jointly(self.pricing, limits, places, 0.0), 0.0)
+            return self._improved(exchange_jointly(self.pricing, limits, places), 0.0)
         _, first, back = np.unique(
             np.sort(places, axis=1), axis=0, return_index=True, return_inverse=True
         )
-        own = exchange_jointly(self.pricing, limits, places[first], 0.0)
+        own = exchange_jointly(self.pricing, limits, places[first])
         return self._improved(own, 0.0)[back.ravel()]
 
     def _has_inverse(self, places: Indices) -> Mask:

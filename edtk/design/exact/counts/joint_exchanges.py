@@ -127,7 +127,7 @@ def _take_any(
     return np.asarray(done)
 
 
-def exchange_jointly(pricing: Pricing, limits: Limits, places: Indices, ridge: float) -> Indices:
+def exchange_jointly(pricing: Pricing, limits: Limits, places: Indices) -> Indices:
     """Improve plans by exchanging two places at once, as long as that helps.
 
     The first place takes the best candidate of a kind, whatever becomes of the sums; the second one
@@ -137,18 +137,16 @@ def exchange_jointly(pricing: Pricing, limits: Limits, places: Indices, ridge: f
         pricing: Prices of the criterion.
         limits: What plans must obey; the given ones do.
         places: Candidates (b, m) at the places of b plans.
-        ridge: See `Pricing.prices`.
 
     Returns:
         Places (b, m) of plans that are no worse.
     """
     places = places.copy()
-    ridge = max(ridge, LEAST_RIDGE)
     size = max(1, pricing.batch // KINDS)
     for first in range(0, len(places), size):
         part = slice(first, first + size)
         for _ in range(JOINT_SWEEPS):
-            moved = _swept(pricing, limits, places[part], ridge)
+            moved = _swept(pricing, limits, places[part], LEAST_RIDGE)
             if not moved or out_of_time():
                 break
     return places

@@ -25,9 +25,6 @@ class LargestVariancePricing(DeterminantPricing):
         targets: A_j (j, r, p), in the same parameters.
     """
 
-    kicks = 5
-    patience = 256
-
     def __init__(self, rows: Array, limits: Limits, targets: Array) -> None:
         super().__init__(rows, limits)
         self.targets = targets
