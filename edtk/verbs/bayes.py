@@ -79,10 +79,9 @@ class Sampling:
         Raises:
             UserError: The chain does not converge, cannot be kept, or has no proper posterior.
         """
-        from edtk.fit.chain_file import ChainFileError
         from edtk.fit.least_squares import SingularPlanError
         from edtk.fit.posterior import ImproperPosteriorError, SamplingOptions
-        from edtk.fit.run_chain import Demand, UnconvergedError
+        from edtk.fit.run_chain import ChainFileError, Demand, UnconvergedError
 
         default = Demand()
         demand = Demand(
@@ -144,9 +143,9 @@ def bayes(
             where=name_of(plan, "plan"),
         )
     if figures is not None:
-        from edtk.report.posterior_report import NAMES, posterior_pictures
+        from edtk.report.calibration_report import PICTURES, posterior_pictures
 
-        for name in NAMES:
+        for name in PICTURES:
             require_output(Path(figures) / name, *inputs, sampling.chain, sampling.export)
     noise = _noise(question.specification.prior.noise(), sigma_factor, nu)
     where = name_of(plan, "plan")

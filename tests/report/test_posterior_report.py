@@ -10,7 +10,7 @@ from edtk.design.plan import Plan
 from edtk.fit.noise import Noise
 from edtk.fit.posterior import SamplingOptions
 from edtk.fit.run_chain import Demand
-from edtk.report.posterior_report import posterior_figures, posterior_report
+from edtk.report.calibration_report import posterior_figures, posterior_section
 
 pytestmark = pytest.mark.slow
 
@@ -35,7 +35,7 @@ def check() -> PosteriorCheck:
 
 def test_posterior_report(check):
     """The part has a row for each compliance, the noise, the test pose, and three pictures."""
-    text = posterior_report(check)
+    text = posterior_section(check)
     for name in ("k1", "k2"):
         assert f"<td>{name}</td><td>rad/(N m)</td>" in text
     assert "Noise over the stated one: " in text
@@ -51,7 +51,7 @@ def test_panels_have_the_names_of_the_instruments(check, monkeypatch):
     figure = posterior_figures(check).residuals
     assert [axis.get_ylabel() for axis in figure.axes] == [f"{name}\n[sigma]" for name in names]
     assert "coordinates" not in figure.get_suptitle()
-    monkeypatch.setattr("edtk.report.posterior_report.MOST_PANELS", 2)
+    monkeypatch.setattr("edtk.report.calibration_report.MOST_PANELS", 2)
     figure = posterior_figures(check).residuals
     assert [axis.get_ylabel() for axis in figure.axes] == [f"{x}\n[sigma]" for x in names[:2]]
     assert "(first 2 of 7 coordinates)" in figure.get_suptitle()

@@ -8,7 +8,7 @@ from edtk.cell.plan_check import PlanCheck
 from edtk.cell.ways import Leg
 from edtk.measure.pose_table import wrench_in_file_units
 from edtk.programs.program import Dwell, Wait
-from edtk.report.tables import notebook_table, text_table
+from edtk.report.tables import text_table
 from edtk.robots.frames import MM
 from edtk.robots.joint import UNITS
 from edtk.robots.robot import Robot
@@ -23,7 +23,7 @@ CONVERTED = 1e-9  # [deg or mm]: below that it is the conversion to SI units and
 
 def day_text(result: Day) -> str:
     """What the day is made of, and a line for each step."""
-    return "\n".join([*day_lines(result), text_table(*day_rows(result))])
+    return "\n".join([*day_lines(result), text_table(*_steps(result))])
 
 
 def day_lines(day: Day) -> list[str]:
@@ -99,7 +99,7 @@ def nearest(leg: Leg) -> str:
     return f"clearance {1e3 * leg.clearance:.1f} mm at {100 * leg.t:.0f} % of it, {bodies}"
 
 
-def day_rows(day: Day) -> tuple[list[str], list[list[str]]]:
+def _steps(day: Day) -> tuple[list[str], list[list[str]]]:
     """Header and rows: when each step begins, what it is, and how the arm gets there."""
     header = ["", "step", "visit", "plan row", "load", "driving [s]"]
     header += ["via poses", "clearance [mm]", "nearest"] if day.in_a_cell else []
@@ -146,18 +146,16 @@ def in_words(seconds: float) -> str:
 
 def plan_check_text(found: PlanCheck) -> str:
     """What was looked at, and a line for each pose and each way."""
-    lines = ["; ".join([found.headline(), *looked_at(found)]), text_table(*plan_check_rows(found))]
+    lines = [
+        "; ".join([found.headline(), *plan_check_notes(found)]),
+        text_table(*plan_check_rows(found)),
+    ]
     if found.ways:
         lines += ["", text_table(*way_rows(found))]
     return "\n".join(lines)
 
 
-def plan_check_notebook(found: PlanCheck) -> str:
-    """The rows of the text."""
-    return notebook_table(found.headline(), *plan_check_rows(found), looked_at(found))
-
-
-def looked_at(found: PlanCheck) -> list[str]:
+def plan_check_notes(found: PlanCheck) -> list[str]:
     """Number of bodies and pairs, and the margin; nothing without a cell."""
     cell = found.cell
     if cell is None:
@@ -203,8 +201,8 @@ def way_rows(found: PlanCheck) -> tuple[list[str], list[list[str]]]:
     return ["leg", "clearance_mm", "", "nearest"], rows
 
 
-def _facts(found: WrittenProgram) -> list[tuple[str, str]]:
-    """Pairs of what and how."""
+def written_program_rows(found: WrittenProgram) -> tuple[list[str], list[tuple[str, str]]]:
+    """Header and rows: what and how."""
     program = found.program
     axes = ", ".join(f"{axis.joint} = {axis.place}" for axis in program.axes)
     dwells = {step.seconds for step in program.steps if isinstance(step, Dwell)}
@@ -216,7 +214,7 @@ def _facts(found: WrittenProgram) -> list[tuple[str, str]]:
         read = f"output {asks[0][0]} asks for each reading, input {asks[0][1]} answers"
     homes = [move for move in program.moves if move.purpose == "home"]
     vias = sum(move.purpose == "via" for move in program.moves)
-    return [
+    return ["what", "how"], [
         ("files", ", ".join(found.files)),
         ("rows of the sheet", f"{found.rows}, in {found.visits} visits of {found.poses} poses"),
         ("axes", axes),
@@ -242,11 +240,6 @@ def _as_rounded(found: WrittenProgram) -> str:
 
 def written_program_text(found: WrittenProgram) -> str:
     """A line for each fact."""
-    facts = _facts(found)
+    _, facts = written_program_rows(found)
     width = max(len(what) for what, _ in facts)
     return "\n".join([found.headline(), *(f"  {what:{width}}  {how}" for what, how in facts)])
-
-
-def written_program_notebook(found: WrittenProgram) -> str:
-    """The same as a table."""
-    return notebook_table(found.headline(), ["what", "how"], [list(fact) for fact in _facts(found)])

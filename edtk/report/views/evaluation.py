@@ -209,8 +209,8 @@ def plan_bias_text(found: PlanBias) -> str:
     lines = [
         f"{found.experiments} experiments on the loaded equilibrium, identified with the linear "
         "model",
-        text_table(*_bias_rows(found)),
-        f"true, bias and std in {found.unit}",
+        text_table(*plan_bias_rows(found)),
+        *plan_bias_notes(found),
     ]
     if found.rho0 is not None and found.rho0_bias is not None:
         both = float(np.hypot(found.rho0, found.rho0_bias))
@@ -222,7 +222,7 @@ def plan_bias_text(found: PlanBias) -> str:
     return "\n".join(lines)
 
 
-def _bias_rows(found: PlanBias) -> tuple[list[str], list[list[str]]]:
+def plan_bias_rows(found: PlanBias) -> tuple[list[str], list[list[str]]]:
     """Header and a row for each compliance."""
     b = found.bias
     rows = [
@@ -234,10 +234,9 @@ def _bias_rows(found: PlanBias) -> tuple[list[str], list[list[str]]]:
     return ["parameter", "true", "bias", "std", "bias/std", "bias [%]"], rows
 
 
-def plan_bias_notebook(found: PlanBias) -> str:
-    """The rows of the text."""
-    notes = [f"true, bias and std in {found.unit}"]
-    return notebook_table(found.headline(), *_bias_rows(found), notes)
+def plan_bias_notes(found: PlanBias) -> list[str]:
+    """The unit."""
+    return [f"true, bias and std in {found.unit}"]
 
 
 def plan_bias_plot(found: PlanBias, ax: Any = None) -> Any:

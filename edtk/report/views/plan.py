@@ -22,7 +22,7 @@ from edtk.report.figures import panels
 from edtk.report.show.page import ShownPage
 from edtk.report.show.stage import by_travel, shares, stage_of_plan, stage_of_space
 from edtk.report.shown import plain
-from edtk.report.tables import notebook_table, number_columns, text_table
+from edtk.report.tables import notebook_table, number_columns
 from edtk.report.views.calibration import error_budget
 from edtk.report.views.day import day_lines
 from edtk.report.views.evaluation import about, load_name, rho0_of_visits, visits_by_load
@@ -112,11 +112,6 @@ def _separation(robot: Robot, found: Separation) -> str:
     return f"{chance}; {100 * found.right_with:.0f} % with one more experiment, at {pose}"
 
 
-def plan_text(result: Plan) -> str:
-    """A line for each pose."""
-    return f"{result.headline()}\n{text_table(*plan_rows(result))}"
-
-
 def plan_rows(result: Plan) -> tuple[list[str], list[list[str]]]:
     """Header and rows: pose, repetitions, joint variables [rad or m], loads that are not zero."""
     loaded = np.flatnonzero(result.wrench.any(axis=0))
@@ -128,11 +123,6 @@ def plan_rows(result: Plan) -> tuple[list[str], list[list[str]]]:
         loads = [f"{value:g}" for value in wrench_in_file_units(wrench[None])[0][loaded]]
         rows.append([str(i + 1), str(result.repeats[i]), *variables, *loads])
     return header, rows
-
-
-def plan_notebook(result: Plan) -> str:
-    """The rows of the text."""
-    return notebook_table(result.headline(), *plan_rows(result))
 
 
 def plan_plot(result: Plan, ax: Any = None, robot: Robot | None = None) -> Any:

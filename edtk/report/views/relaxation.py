@@ -60,11 +60,6 @@ def relaxation_rows(found: Relaxation) -> tuple[list[str], list[list[str]]]:
     return [*columns, "weight"], rows
 
 
-def relaxation_notebook(result: Relaxation) -> str:
-    """The rows of the text."""
-    return notebook_table(result.headline(), *relaxation_rows(result))
-
-
 def relaxation_plot(
     found: Relaxation,
     ax: Any = None,

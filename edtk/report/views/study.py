@@ -191,11 +191,6 @@ def study_run_rows(run: StudyRun) -> tuple[list[str], list[list[str]]]:
     return ["plan", "experiments", "poses", main, "efficiency"], rows
 
 
-def study_run_notebook(result: StudyRun) -> str:
-    """The rows of the text."""
-    return notebook_table(result.headline(), *study_run_rows(result))
-
-
 def study_run_plot(run: StudyRun, ax: Any = None) -> Any:
     """Draw the main criterion against the number of experiments, for every kind of plan.
 
