@@ -8,8 +8,8 @@ import numpy as np
 
 from edtk.calibration.calibration import Origin
 from edtk.calibration.geometric_calibration import GeometricCalibration
+from edtk.calibration.geometry_question import told_before
 from edtk.calibration.model_left import PiecesLeft
-from edtk.calibration.told_before import told_before
 from edtk.calibration.visit_propagation import circumstances_of, fit_propagation
 from edtk.design.plan import Plan
 from edtk.findings.counting import (

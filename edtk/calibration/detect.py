@@ -12,10 +12,10 @@ from edtk.calibration.template import visit_order
 from edtk.design.candidate_source import sample_feasible
 from edtk.design.detection import ENOUGH, FALSE_ALARM, Detection, Separation
 from edtk.design.plan import Plan
+from edtk.findings.causes.evidence import FACTORS, WEIGHTS
 from edtk.findings.causes.family import Family
 from edtk.findings.causes.faults import FAULTS, UNITS_OF_SIZES
 from edtk.findings.causes.find_causes import MOST_TIMES
-from edtk.findings.causes.rarity import FACTORS, WEIGHTS
 from edtk.findings.causes.scene import Displacements, Scene, since_first
 from edtk.fit.correlated_noise import CorrelatedNoise, RowNoise, whiten_columns
 from edtk.fit.distributions import chi_square_quantile, log_normal_below, noncentral_chi_square_tail

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -60,9 +59,6 @@ from edtk.study.study_model import assumed_joints
 from edtk.study.study_parts import study_prior
 from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices
-
-if TYPE_CHECKING:
-    pass
 
 OUTLIER_ROUNDS = 4  # of finding outliers; two are the rule
 

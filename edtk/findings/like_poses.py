@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 from scipy.linalg import solve_triangular
 
-from edtk.findings.causes.rarity import FACTORS, WEIGHTS
+from edtk.findings.causes.evidence import FACTORS, WEIGHTS
 from edtk.findings.fit_rows import FitRows, SizedColumns
 from edtk.measure.few_columns import spanning
 from edtk.measure.whitening import Scatter

@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from edtk.fit.chain_file import ChainFile
 from edtk.fit.correlated_noise import RowNoise, numbers_of, whiten, whiten_columns
 from edtk.fit.least_squares import Estimate
 from edtk.fit.noise import Noise
 from edtk.fit.prior import Prior, draw_positive
-from edtk.fit.run_chain import Chain, Demand, Density, run_chain, std_error
+from edtk.fit.run_chain import Chain, ChainFile, Demand, Density, run_chain, std_error
 from edtk.system.presented import Presented
 from edtk.system.time_limit import no_progress
 from edtk.system.typing import Array

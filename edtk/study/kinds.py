@@ -23,7 +23,6 @@ from edtk.measure.task import Tasks
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.robot import Robot
 from edtk.study.asked import Asked
-from edtk.study.plans import firsts
 from edtk.study.plausibility import doubtful_noise, idle_axes
 from edtk.study.schema import Specification
 from edtk.study.study_model import (
@@ -37,7 +36,7 @@ from edtk.study.study_model import (
     other_springs,
     task_weights,
 )
-from edtk.study.study_objects import Kind, StudyObjects
+from edtk.study.study_objects import Kind, StudyObjects, firsts
 from edtk.study.study_parts import TaskDefaults
 from edtk.study.tables_of_robot import ParametersTable
 from edtk.study.tables_of_task import InterestTable

@@ -10,12 +10,10 @@ from typing import Any, Unpack
 from edtk.design.plan import Plan
 from edtk.findings.finding import Finding
 from edtk.measure.friction import Friction
-from edtk.measure.pose_table import Table
 from edtk.robots.robot import Robot
 from edtk.robots.robot_file import robot_to_dict
 from edtk.study.check_study import check_study
 from edtk.study.kinds import kind_of
-from edtk.study.plans import load_plan
 from edtk.study.plausibility import plausibility
 from edtk.study.schema import Specification, read_specification
 from edtk.study.study_model import compensator_numbers
@@ -249,16 +247,6 @@ class Study(StudyObjects, Presented):
         own = [] if self.path is None else [self.path]
         more = [self.excluded] if isinstance(self.excluded, Path) else []
         return (*own, *(self.folder / name for name in named), *more)
-
-    def load_plan(self, path: Table, made: bool = False) -> Plan:
-        """Read a plan and check every pose against limits and workspace.
-
-        See `load_plan` for the poses that count as feasible.
-
-        Raises:
-            UserError: Names the file and the row.
-        """
-        return load_plan(self, path, made)
 
     def published_plans(self) -> dict[str, Plan]:
         """The published plans that the study names, by their file's stem.

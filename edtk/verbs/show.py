@@ -9,8 +9,8 @@ import numpy as np
 from edtk.design.plan import Plan
 from edtk.measure.compliances import Compliances, compliances_file
 from edtk.measure.pose_table import PoseTable
-from edtk.study.plans import is_sheet
 from edtk.study.study import Study
+from edtk.study.study_objects import is_sheet
 from edtk.system.arguments import checked
 from edtk.system.errors import UserError
 from edtk.system.files import write_files

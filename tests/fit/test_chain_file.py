@@ -13,16 +13,17 @@ import pytest
 from fit.test_sample_posterior import sample
 from forked import fill_disk, forked
 
-from edtk.fit.chain_file import (
+from edtk.fit.prior import Prior
+from edtk.fit.run_chain import (
     SEAL,
     SEAL_LENGTH,
     ChainFile,
     ChainFileError,
     ChainFileFault,
+    Demand,
     StoredChain,
+    UnconvergedError,
 )
-from edtk.fit.prior import Prior
-from edtk.fit.run_chain import Demand, UnconvergedError
 
 pytestmark = pytest.mark.slow
 

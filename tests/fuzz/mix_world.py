@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 
 import edtk
-from edtk.study.plans import load_plan
 
 STUDY = """
 title = "Mix"
@@ -93,6 +92,6 @@ def _changes(study: edtk.Study, header: str, line: str) -> np.ndarray:
     plan = Path("visit.csv")
     pose = [",".join(one.split(",")[: study.robot.n + 6]) for one in (header, line)]
     plan.write_text("\n".join(pose) + "\n", encoding="utf-8")
-    found = load_plan(study, plan)
+    found = study.load_plan(plan)
     plan.unlink()
     return study.model.regressor(found.q, found.wrench)[0] @ study.compliances

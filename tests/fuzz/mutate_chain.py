@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from edtk.fit.chain_file import SEAL, SEAL_LENGTH
+from edtk.fit.run_chain import SEAL, SEAL_LENGTH
 from tests.fuzz import mutate_text
 
 Array = Any

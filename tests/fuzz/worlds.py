@@ -12,7 +12,6 @@ import numpy as np
 
 import edtk
 from edtk.cli import main
-from edtk.study.plans import load_plan
 from tests.fuzz import arm_worlds as arms
 from tests.fuzz import cell_world, geometry_world, mix_world, poses_world
 
@@ -141,7 +140,7 @@ def _poses(study: edtk.Study, sheet: list[str]) -> tuple[np.ndarray, np.ndarray]
             "\n".join(",".join(row.split(",")[:columns]) for row in (sheet[0], line)) + "\n",
             encoding="utf-8",
         )
-        found.append(load_plan(study, "pose.csv"))
+        found.append(study.load_plan("pose.csv"))
     Path("pose.csv").unlink()
     return np.concatenate([p.q for p in found]), np.concatenate([p.wrench for p in found])
 

@@ -13,6 +13,10 @@ from edtk.findings.causes.evidence import (
     Evidence,
     Pieces,
     Weighed,
+    likely_size,
+    noise_rarity,
+    rarity,
+    reading_rarity,
     weigh_each,
 )
 from edtk.findings.causes.family import (
@@ -27,7 +31,6 @@ from edtk.findings.causes.family import (
     fit_families,
 )
 from edtk.findings.causes.faults import families, slipped_at
-from edtk.findings.causes.rarity import likely_size, noise_rarity, rarity, reading_rarity
 from edtk.findings.causes.scene import Displacements
 from edtk.findings.causes.wrong_pose import SEEN, by_shifts, shifted
 from edtk.fit.correlated_noise import RowNoise, whiten, whiten_columns

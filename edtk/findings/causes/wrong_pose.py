@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from edtk.findings.causes.evidence import rarity, reading_rarity
 from edtk.findings.causes.family import Cause, Tried
-from edtk.findings.causes.rarity import rarity, reading_rarity
 from edtk.fit.correlated_noise import whiten
 from edtk.fit.distributions import chi_square_tail
 from edtk.fit.least_squares import Estimate, SingularPlanError, Whitened

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from readings import PLAN, STUDY
 
-from edtk.findings.causes.rarity import FACTORS, WEIGHTS
+from edtk.findings.causes.evidence import FACTORS, WEIGHTS
 from edtk.findings.causes.wrong_pose import mistyped_joint, shifted
 from edtk.fit.least_squares import Estimate, Whitened
 from edtk.fit.measurements import Measurements, simulate

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from edtk.findings.causes.rarity import USUAL_FACTOR, noise_rarity
+from edtk.findings.causes.evidence import USUAL_FACTOR, noise_rarity
 from edtk.fit.estimate_noise import Stratum
 
 

@@ -6,7 +6,7 @@ from scipy.integrate import quad
 from scipy.special import gammaln
 from scipy.stats import multivariate_normal, special_ortho_group
 
-from edtk.findings.causes.rarity import FREEDOM, likely_size, rarity
+from edtk.findings.causes.evidence import FREEDOM, likely_size, rarity
 
 
 def student(x, width):
