@@ -8,10 +8,11 @@ from numpy.typing import ArrayLike
 
 from criteria.criterion import Criterion, KinkedCriterion
 from criteria.linalg.spectrum import soft_maximum
-from criteria.linalg.typing import Array, isometric, triangle
+from criteria.linalg.typing import Array
 from criteria.registry import register
 from criteria.relaxable import Formulation
 from criteria.several_criteria import SeveralCriteria
+from criteria.worst_task_accuracy import least_squares_shares
 
 if TYPE_CHECKING:
     import cvxpy as cp
@@ -116,24 +117,12 @@ class Minimax(KinkedCriterion, SeveralCriteria):
 
     def _least_squares_shares(self, Z: Array, M: Array, cov: Array, losses: Array) -> Array:
         """Shares (k,) of sum one with ``sum u_j G_j`` nearly proportional to Z."""
-        from scipy.optimize import nnls
-
         T = self.whitener(M)
-        rows, columns = triangle(T.shape[1])
-        length = isometric(T.shape[1])
         S = np.linalg.pinv(T)
-        # Parts that are far from the largest loss must not stand in for those that have it.
-        penalty = 1 - losses / losses.max()
         slopes = S @ self.slopes(M, cov) @ S.T
-        A = np.vstack([(slopes[:, rows, columns] * length).T, penalty])
-        turned = S @ Z @ S.T
-        size = max(float(np.trace(turned)), np.finfo(float).tiny)
-        try:
-            shares, _ = nnls(A, np.append(turned[rows, columns] * length / size, 0.0))
-        except RuntimeError:  # too many iterations: the other choice remains
-            shares = np.zeros(len(losses))
-        found = shares.sum()
-        return np.asarray(shares / found if found > 0 else np.full(len(shares), 1 / len(shares)))
+        # Parts that are far from the largest loss must not stand in for those that have it.
+        found = least_squares_shares(slopes, S @ Z @ S.T, 1 - losses / losses.max())
+        return found if found.any() else np.full(len(found), 1 / len(found))
 
     def _cost(self, M: Array, cov: Array) -> Array:
         return self.cost_of_losses(self.losses(M, cov))

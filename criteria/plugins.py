@@ -186,31 +186,25 @@ def _require_numbers(found: Array, shape: tuple[int, ...], place: str) -> None:
         raise CriterionError(f"{place} is of type {found.dtype}, expected numbers")
 
 
-def _require_formulation(found: object, place: str) -> None:
-    """An objective, and a list of constraints."""
-    if not isinstance(found, tuple) or len(found) != 2 or not isinstance(found[1], list):
+def _require(is_one: bool, found: object, place: str, expected: str) -> None:
+    """Refuse what a method returns if it is not what was expected."""
+    if not is_one:
         raise CriterionError(
-            f"{place} returns an object of type {type(found).__name__}; expected a tuple of an "
-            "expression of cvxpy and a list of constraints"
+            f"{place} returns an object of type {type(found).__name__}; expected {expected}"
         )
+
+
+def _require_formulation(found: Any, place: str) -> None:
+    """An objective, and a list of constraints."""
+    is_one = isinstance(found, tuple) and len(found) == 2 and isinstance(found[1], list)
+    _require(is_one, found, place, "a tuple of an expression of cvxpy and a list of constraints")
     require_expression(found[0], place)
 
 
-def _require_bound(found: object, place: str) -> None:
+def _require_bound(found: Any, place: str) -> None:
     """A real number, which may be nan: such a bound proves nothing."""
-    if np.ndim(found) or np.asarray(found).dtype.kind not in "fiu":  # type: ignore[arg-type]
-        raise CriterionError(
-            f"{place} returns an object of type {type(found).__name__}; expected a number"
-        )
-
-
-def _require_relaxable(found: object, place: str) -> None:
-    """A criterion that can be relaxed."""
-    if not isinstance(found, Relaxable):
-        raise CriterionError(
-            f"{place} returns an object of type {type(found).__name__}; expected a "
-            "criteria.Relaxable"
-        )
+    is_one = not np.ndim(found) and np.asarray(found).dtype.kind in "fiu"
+    _require(is_one, found, place, "a number")
 
 
 # What the methods of a relaxation must return.
@@ -219,22 +213,15 @@ RETURNED: dict[str, Callable[[object, str], object]] = {
     "formulation": _require_formulation,
     "polar": _require_bound,
     "lower_bound": _require_bound,
-    "subproblem": _require_relaxable,
+    "subproblem": lambda found, place: _require(
+        isinstance(found, Relaxable), found, place, "a criteria.Relaxable"
+    ),
 }
 
 
 def _in_words(error: BaseException) -> str:
     """Kind and text of an error on one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}".rstrip(": ")
-
-
-def _is_text(value: object) -> bool:
-    return isinstance(value, str) and value != ""
-
-
-def _is_flag(value: object) -> bool:
-    # Whether a criterion is smooth or monotone may depend on its arguments.
-    return isinstance(value, bool | property)
 
 
 def _is_size(value: object) -> bool:
@@ -251,8 +238,9 @@ def _is_unit(value: object) -> bool:
 
 
 _PROPERTIES: dict[str, Callable[[object], bool]] = {
-    **dict.fromkeys(TEXTS, _is_text),
-    **dict.fromkeys(FLAGS, _is_flag),
+    **dict.fromkeys(TEXTS, lambda value: isinstance(value, str) and value != ""),
+    # Whether a criterion is smooth or monotone may depend on its arguments.
+    **dict.fromkeys(FLAGS, lambda value: isinstance(value, bool | property)),
     "sense": lambda value: value in get_args(Sense),
     "degree": _is_size,
     "shown": _is_unit,

@@ -205,22 +205,33 @@ def _weighted_polar(targets: Array, F: Array, weights: Array) -> float:
 
 def _least_squares_weights(squares: Array, Z: Array) -> Array:
     """Weights (d,) of sum one with ``sum l_i L_i`` nearly proportional to Z, all whitened."""
+    sizes = np.trace(squares, axis1=1, axis2=2)
+    largest = sizes.max()
+    # Without the penalty a task below the largest error may stand in for some that have it.
+    return least_squares_shares(squares, Z, 1 - sizes / largest, largest)
+
+
+def least_squares_shares(G: Array, Z: Array, penalty: Array, unit: float = 1.0) -> Array:
+    """Shares (k,) of sum one with ``sum u_j G_j`` near a multiple of Z; zeros if there are none.
+
+    Args:
+        G: Symmetric matrices (k, s, s).
+        Z: A semidefinite matrix (s, s).
+        penalty: What each share costs (k,), from zero on.
+        unit: Size of the matrices, by which they are divided.
+    """
     from scipy.optimize import nnls
 
     rows, columns = triangle(Z.shape[-1])
-    sizes = np.trace(squares, axis1=1, axis2=2)
-    largest = sizes.max()
     length = isometric(Z.shape[-1])
-    # Without the penalty a task below the largest error may stand in for some that have it.
-    penalty = 1 - sizes / largest
-    A = np.vstack([(squares[:, rows, columns] * length).T / largest, penalty])
+    A = np.vstack([(G[:, rows, columns] * length).T / unit, penalty])
     b = np.append(Z[rows, columns] * length / max(float(np.trace(Z)), TINY), 0.0)
     try:
-        weights, _ = nnls(A, b)
+        shares, _ = nnls(A, b)
     except RuntimeError:  # too many iterations: the other choice remains
-        weights = np.zeros(len(squares))
-    total = weights.sum()
-    return np.asarray(weights / total if total > 0 else weights)
+        shares = np.zeros(len(G))
+    total = shares.sum()
+    return np.asarray(shares / total if total > 0 else shares)
 
 
 def _steps(squares: Array, Z: Array, weights: Array) -> list[Array]:
