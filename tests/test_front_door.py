@@ -69,7 +69,7 @@ def test_what_reads_sheets_and_results_loads_no_search() -> None:
 
 def test_what_is_said_after_ctrl_c_loads_no_statistics() -> None:
     """The views of plans and relaxations: of 1.3 s of the processor they had taken 1.1 for that."""
-    views = ("plan", "problem", "relaxation", "region", "study")
+    views = ("plan", "problem", "relaxation", "study")
     names = [f"edtk.report.views.{view}" for view in views]
     assert "scipy.stats" not in loaded_by(f"import {', '.join(names)}")
 

@@ -24,6 +24,29 @@ SPLIT = 2.0**27 + 1  # halves the 53 digits of a double (Veltkamp)
 EPS_OF_SUM = float(np.finfo(np.longdouble).eps) if IS_LONGER else 2.0**-63
 
 
+def eigenpairs(M: Array) -> tuple[Array, Array]:
+    """Eigenvalues (..., n), ascending, and eigenvectors (..., n, n) of symmetric M (..., n, n).
+
+    NumPy calls LAPACK's divide and conquer, which fails for one in some millions of ordinary
+    matrices of more than 25 columns. QR iterations, which are slower, find their eigenvalues.
+
+    Raises:
+        LinAlgError: A number of M is not finite, or QR iterations do not converge either.
+    """
+    try:
+        values, V = np.linalg.eigh(M)
+    except np.linalg.LinAlgError:
+        if not np.isfinite(M).all():
+            raise
+        from scipy.linalg import eigh
+
+        if M.ndim > 2:
+            pairs = [eigenpairs(one) for one in M]
+            return np.stack([one for one, _ in pairs]), np.stack([one for _, one in pairs])
+        values, V = eigh(M, driver="ev")
+    return values, V
+
+
 def guarded_inverse(M: Array, least: float = 0.0) -> tuple[Array, Array, Mask]:
     """Invert symmetric positive semidefinite matrices after scaling them to a unit diagonal.
 

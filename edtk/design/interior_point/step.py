@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from criteria.linalg.inverse import TINY
+from criteria.linalg.inverse import TINY, eigenpairs
 from criteria.linalg.spectrum import conjugate
 from edtk.design.design_space import Space
 from edtk.design.interior_point.objective import Neighbourhood, Objective
@@ -237,7 +237,7 @@ def _positive(K: Array) -> Array:
     Beside much larger ones, as a start has them where it is all but singular, small ones would be
     lost in rounding.
     """
-    e, V = np.linalg.eigh(K)
+    e, V = eigenpairs(K)
     size = np.abs(e)
     least = np.maximum(LEAST_CURVATURE, FACTOR_RIDGE * size.max(axis=-1, keepdims=True))
     return conjugate(V, np.where(e < least, np.maximum(size, least), e))

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from matrices import EPS, orthogonal, positive, slip, units, with_spectrum
 
-from criteria.linalg.inverse import guarded_inverse, power_trace, rounding_of_rows, whitener
+from criteria.linalg.inverse import (
+    eigenpairs,
+    guarded_inverse,
+    power_trace,
+    rounding_of_rows,
+    whitener,
+)
 
 sizes = pytest.mark.parametrize("p", [1, 2, 3, 6, 9])
 powers = pytest.mark.parametrize("exponent", [1 / 3, 0.5, 1.0])
@@ -131,3 +137,33 @@ def test_rounding_of_many_sums_is_that_of_each():
     # Where both products cancel, all that is left is rounding.
     cancels = rounding_of_rows(np.array([[1.0, -1.0 + 1e-9]]), np.ones((2, 1)))
     assert cancels == pytest.approx(4 * EPS * 2e9, rel=1e-6)
+
+
+@pytest.fixture
+def failing(monkeypatch):
+    """Divide and conquer that fails for stacks and for matrices of which the first entry is 7."""
+    first = np.linalg.eigh
+
+    def eigh(M):
+        if M.ndim > 2 or M[0, 0] == 7.0:
+            raise np.linalg.LinAlgError("Eigenvalues did not converge")
+        return first(M)
+
+    monkeypatch.setattr(np.linalg, "eigh", eigh)
+
+
+def test_eigenpairs_are_found_where_divide_and_conquer_fails(failing):
+    """``V diag(r) V'`` is each matrix of a stack where LAPACK's first way fails for one of them."""
+    rng = np.random.default_rng(1)
+    stack = np.stack([positive(rng, 30, 1e4) for _ in range(3)])
+    stack[1, 0, 0] = 7.0
+    r, V = eigenpairs(stack)
+    again = (V * r[:, None]) @ np.swapaxes(V, 1, 2)
+    np.testing.assert_allclose(again, stack, rtol=0, atol=30 * EPS * np.linalg.norm(stack))
+    assert (np.diff(r) >= 0).all()
+
+
+def test_eigenpairs_of_what_is_not_finite_are_refused(failing):
+    """A stack with a matrix that is no numbers has none, and it is LAPACK that says so."""
+    with pytest.raises(np.linalg.LinAlgError, match="did not converge"):
+        eigenpairs(np.full((2, 30, 30), np.nan))
