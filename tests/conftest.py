@@ -3,7 +3,7 @@
 import gc
 import subprocess
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -195,6 +195,15 @@ SMALL: dict[str, object] = {
 }
 
 
+# For modules that ask how a plan is found, judged and written, and not how good it is.
+SHORTEST: dict[str, object] = {
+    "edtk.design.relaxation.search_continuum.SCREEN": 1000,
+    "edtk.design.relaxation.search_continuum.STARTS": 6,
+    "edtk.design.relaxation.relax_poses.ROUNDS": 1,
+    "edtk.design.exact.find_plan.ELITE": 1,
+}
+
+
 @pytest.fixture(scope="session", autouse=True)
 def small_searches() -> Iterator[pytest.MonkeyPatch]:
     """Searches and chains as `SMALL` has them.
@@ -207,9 +216,17 @@ def small_searches() -> Iterator[pytest.MonkeyPatch]:
         yield patch
 
 
-def _make_searches_small(patch: pytest.MonkeyPatch) -> None:
-    for name, few in SMALL.items():
+def _make_searches_small(patch: pytest.MonkeyPatch, numbers: Mapping[str, object] = SMALL) -> None:
+    for name, few in numbers.items():
         patch.setattr(name, few)
+
+
+@pytest.fixture(scope="module")
+def shortest_searches() -> Iterator[None]:
+    """Searches over all poses and for plans as `SHORTEST` has them."""
+    with pytest.MonkeyPatch.context() as patch:
+        _make_searches_small(patch, SHORTEST)
+        yield
 
 
 @pytest.fixture(scope="module")

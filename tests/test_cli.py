@@ -23,7 +23,7 @@ from edtk.study.study import load_study
 from edtk.system.workers import open_workers
 from edtk.verbs.relax import relax
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("shortest_searches")]
 
 ROOT = Path(__file__).parents[1]
 PAPER = ROOT / "studies/kr270_milling.toml"
@@ -137,7 +137,7 @@ def test_a_foreign_folder_runs_nothing(tmp_path):
 
 def test_criteria_lists_the_registry() -> None:
     """`edtk criteria --json` is the registry as JSON, and the table names every criterion."""
-    listed = json.loads(process("criteria", "--json").stdout)
+    listed = json.loads(edtk("criteria", "--json").stdout)
     names = [row["name"] for row in listed]
     assert names == [*criteria.available(), *criteria.families()]
     assert {row["name"]: row["parameters"] for row in listed if "parameters" in row} == {

@@ -21,6 +21,8 @@ from edtk.fit.measurements import Measurements
 from edtk.robots.robot_file import RobotFile, robot_from_dict
 from edtk.study.schema import Specification
 
+pytestmark = pytest.mark.usefixtures("shortest_searches")
+
 ROOT = Path(__file__).parents[1]
 LOAD = {"F_N": [0, 0, -50]}
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]

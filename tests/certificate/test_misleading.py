@@ -14,6 +14,8 @@ from loaded_arm import LOAD, STUDY
 import edtk
 from edtk.cli import main
 
+pytestmark = pytest.mark.usefixtures("shortest_searches")
+
 Content = dict[str, Any]
 SPRINGS = arm()
 KNOWN = {"joints": {"q1": {"kind": "normal", "mean_rad_per_Nm": 3e-6, "std_rad_per_Nm": 1e-6}}}
@@ -185,10 +187,10 @@ def test_a_prior_that_too_few_experiments_share(study: edtk.Study, tmp_path: Pat
 
 def test_a_budget_beside_a_size_is_said(tmp_path: Path) -> None:
     """A plan of few visits is judged beside plans as small, not beside all that are paid for."""
-    priced = STUDY.replace(costs={"visit": 1, "budget": 20})
+    priced = STUDY.replace(costs={"visit": 1, "budget": 8})
     edtk.plan(priced, 6, certificate=tmp_path / "c.json")
     found = edtk.verify(tmp_path / "c.json", priced)
-    assert "beside all plans of 6 new experiments within a budget of 20 is searched" in found.proved
+    assert "beside all plans of 6 new experiments within a budget of 8 is searched" in found.proved
     edtk.plan(priced, certificate=tmp_path / "c.json")
     found = edtk.verify(tmp_path / "c.json", priced)
-    assert "beside all plans within a budget of 20 is searched" in found.proved
+    assert "beside all plans within a budget of 8 is searched" in found.proved

@@ -19,7 +19,7 @@ from edtk.findings.causes.faults import FAULTS
 from edtk.study.study import load_study
 from edtk.system.errors import UserError
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("shortest_searches")]
 
 ROOT = Path(__file__).parents[2]
 PATH = ROOT / "studies" / "kr270_milling.toml"

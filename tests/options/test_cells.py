@@ -17,6 +17,8 @@ from edtk.design.plan import Plan
 from edtk.study.study import Study, load_study
 from edtk.system.errors import UserError
 
+pytestmark = pytest.mark.usefixtures("shortest_searches")
+
 ROOT = Path(__file__).parents[2]
 MILLING = ROOT / "studies" / "kr270_cell.toml"
 HANGING = ROOT / "studies" / "kr270_hanging.toml"

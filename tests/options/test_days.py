@@ -27,6 +27,8 @@ from edtk.study.plan_study import RunOptions, day_costs, plan_study
 from edtk.study.study import Study
 from edtk.system.workers import Workers
 
+pytestmark = pytest.mark.usefixtures("shortest_searches")
+
 FORCES = [[0, 0, -100], [80, 0, 0], [60, 0, -60]]
 COSTS = {"visit": 1, "loaded_visit": 2, "load_change": 4, "budget": 20}
 # The weights of its links load a pose without any other load.

@@ -21,6 +21,8 @@ from edtk.study.place_tracker import PlaceSearch, Setup
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError
 
+pytestmark = pytest.mark.usefixtures("shortest_searches")
+
 PLACES = [[2600, 800, 900], [-2500, -600, 1500]]
 TRACKER = {"tracker_position_mm": PLACES[0], "along": [10, 8], "across": [15, 60]}
 BOX = [[2200, -500, 500], [3500, 900, 2500]]

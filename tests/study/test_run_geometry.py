@@ -24,7 +24,7 @@ from edtk.verbs.run import run
 KEYS = {"sizes": [3, 4], "optimise": ["D"], "criteria": ["D", "rho0"], "starts": 3}
 
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("shortest_searches")]
 
 
 @pytest.fixture(scope="module", autouse=True)
