@@ -31,6 +31,7 @@ NO_EFFICIENCY = 1e-300  # efficiency of a design that does not tell all that is 
 # Part of the largest deviance that is tried up to which a rival is no other model.
 SAME_MODEL = 1e-20
 THETA_STEP = 1e-5  # of central differences, in parts of a range
+SAME_PEAK = 2.0  # of the distance to the nearest theta, up to which others are at its peak
 SAME_THETA = 1e-6  # parts of the ranges up to which two theta are one
 
 
@@ -343,6 +344,21 @@ class ThetaBox(ABC, Generic[Made]):
     @abstractmethod
     def descend(self, u: Array, design: Shares, own: Own, optimum: Optimum) -> Array:
         """Parts (q,) of the ranges of a local minimum of the value."""
+
+    def between(self, theta: Array, thetas: Sequence[Array], parts: Array) -> Array:
+        """About the theta (p,) of a peak that several of a list (k) stand for.
+
+        Where a peak lies inside the ranges, theta on both sides of it share its part in the proof.
+        The worst theta halves their distance, while their mean by parts is off by its square.
+
+        Args:
+            theta: The worst theta (p,) of the best design of the list.
+            thetas: The list.
+            parts: The part (k,) that each has in what proves that design.
+        """
+        away = np.abs(self._parts(thetas) - self._parts([theta])).max(axis=1)
+        own = away <= SAME_PEAK * away.min()
+        return np.asarray(np.average(np.array(thetas)[own], axis=0, weights=parts[own]))
 
     def is_new(self, theta: Array, thetas: Sequence[Array]) -> bool:
         """Whether a theta is none of a list."""

@@ -1,9 +1,7 @@
 """Questions without a robot: problems of arrays, and regions of points."""
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import criteria
 from edtk.certificate.problem_proofs import region_certificate, require_checkable, store_exact
@@ -27,7 +25,7 @@ from edtk.verbs.asked_limits import asked_weight_limits
 from edtk.verbs.inputs import CriterionLike, TableAndCertificate, at_hand, given_size, proved_gap
 from edtk.verbs.plan_problem import plan_arranged, plan_problem, plan_region
 from edtk.verbs.question import OF_PROBLEMS, OF_WEIGHTS, PlanCall, Question, RelaxCall
-from edtk.verbs.robust import Design, best_weights, criterion_of, has_ranges, over_ranges
+from edtk.verbs.robust import best_weights, criterion_of, has_ranges, over_ranges
 
 PLANS = 4  # plans over ranges of theta: each is a search of its own
 
@@ -71,7 +69,7 @@ class OfProblem(Question):
 
         if has_ranges(self.problem):
             _require_candidates(call)
-            found = _plan_over_ranges(self.problem, call, solve)
+            found = over_ranges(self.problem, _asked(call.criterion), solve, call.progress, PLANS)
         else:
             criterion = self._criterion(call.criterion)
             if call.certificate is not None and not has_whole_plans(criterion.name):
@@ -90,7 +88,7 @@ class OfProblem(Question):
             return _weights(problem, criterion, call)
 
         if has_ranges(self.problem):
-            found = over_ranges(self.problem, _asked(call.criterion), solve)
+            found = over_ranges(self.problem, _asked(call.criterion), solve, call.progress)
         else:
             found = solve(self.problem, self._criterion(call.criterion))
         files.write(lambda: found.to_frame().reset_index(), lambda: _proof(found))
@@ -130,7 +128,7 @@ class OfRegion(Question):
             )
 
         if has_ranges(self.region):
-            found = _plan_over_ranges(self.region, call, solve)
+            found = over_ranges(self.region, _asked(call.criterion), solve, call.progress, PLANS)
         else:
             found = solve(self.region, self._criterion(call.criterion))
         files.write(found.to_frame, str)
@@ -151,7 +149,7 @@ class OfRegion(Question):
             return prove_region(region, of_one, eps, points, call.progress)
 
         if has_ranges(self.region):
-            found = over_ranges(self.region, _asked(call.criterion), solve)
+            found = over_ranges(self.region, _asked(call.criterion), solve, call.progress)
         else:
             found = solve(self.region, self._criterion(call.criterion))
         files.write(found.to_frame, lambda: json_text(region_certificate(found)) + "\n")
@@ -178,18 +176,6 @@ def _require_candidates(call: PlanCall) -> None:
         if value is not None:
             message = "is not known beside ranges of theta; expected a list of theta"
             raise ArgumentError(message, argument=name)
-
-
-def _plan_over_ranges(
-    question: Problem | Region,
-    call: PlanCall,
-    solve: Callable[[Any, criteria.Criterion], Design],
-) -> Design:
-    """The plan that is best at its worst theta; its first list is that of the weights."""
-    asked = _asked(call.criterion)
-    weights = over_ranges(question, asked, best_weights)
-    assert weights.worst is not None
-    return over_ranges(question, asked, solve, list(weights.worst.thetas), PLANS)
 
 
 def _weights(problem: Problem, criterion: criteria.Criterion, call: RelaxCall) -> Relaxation:

@@ -56,6 +56,7 @@ def relax(
     constraints: "Sequence[Constraint] | None" = None,
     out: Path | str | None = None,
     certificate: Path | str | None = None,
+    progress: Progress = ...,
 ) -> "Relaxation": ...
 
 
@@ -117,7 +118,8 @@ def relax(
         dask: Address of a Dask scheduler whose workers do that, like tcp://host:8786.
         out: File to write poses and weights to (CSV); "-" is standard output.
         certificate: File to write what proves the numbers to (JSON), for `edtk.verify`; likewise.
-        progress: Called with the stage and its relative gap.
+        progress: Called with the stage and its relative gap; over ranges of theta with the number
+            of theta that were tried alone, besides. A problem has stages over ranges only.
         budget: Seconds after which the best weights so far are given, with the best bound so far;
             a first design on the candidates, or on those drawn by then, is always completed.
             `.ended` says so. Defaults to no limit.

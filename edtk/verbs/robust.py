@@ -1,8 +1,9 @@
 """What a criterion means for several models at once: their mean, or the worst of them."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any, TypeVar
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -21,10 +22,13 @@ from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.design.relaxation.search_region import RegionGrid
 from edtk.design.theta_box import Robust, Shares, ThetaBox, WorstTheta
 from edtk.system.errors import ArgumentError
+from edtk.system.time_limit import no_progress
 from edtk.system.typing import Array
 from edtk.verbs.inputs import CriterionLike
 
 Design = TypeVar("Design", bound=Relaxation | ProblemPlan | RelaxedRegion | RegionPlan)
+
+Progress = Callable[[str, float], object]
 
 ROUNDS = 60  # designs at most: five are the rule, of rivals some twenty
 ENOUGH = 5e-7  # part by which the worst theta may be worse than those of the list
@@ -103,94 +107,150 @@ def over_ranges(
     question: Problem | Region,
     asked: CriterionLike,
     solve: Callable[[Any, criteria.Criterion], Design],
-    first: Sequence[Array] = (),
-    rounds: int = ROUNDS,
+    progress: Progress = no_progress,
+    plans: int = 0,
 ) -> Design:
     """The design whose worst theta within ranges is the best, see `edtk.design.theta_box`.
+
+    The first list has one theta within the ranges; of a region those that matter on a grid of its
+    points, and of plans those of the best weights.
 
     Args:
         question: The problem or the region of a model with ranges.
         asked: The criterion of one model.
         solve: Finds the best design of a problem or a region of several models.
-        first: Theta (p,) of the first list; defaults to one within the ranges, of a region to those
-            that matter on a grid of its points.
-        rounds: Designs at most. If they end before the worst theta is one of the list, it is the
-            best of these designs, beside the bound of its list.
+        progress: Called with a line about the current step, and a number that goes with it.
+        plans: Plans at most, each of which is a search of its own, where `solve` finds plans.
     """
-    assert question.robust is not None
-    assert question.robust.box is not None
-    box = question.robust.box
+    ranges = _Ranges.of(question, asked, progress)
+    thetas = [ranges.box.inside()]
+    if ranges.grid is not None:
+        on_grid = replace(ranges, box=ranges.grid, grid=None)
+        thetas, _ = on_grid.that_count(on_grid.served(relax, thetas))
+    if not plans:
+        return ranges.served(solve, thetas)
+    weights = ranges.served(partial(best_weights, progress=progress), thetas)
+    assert weights.worst is not None
+    return ranges.served(solve, list(weights.worst.thetas), plans)
 
-    def own(among: ThetaBox[Any], theta: Array) -> criteria.Criterion:
+
+@dataclass(frozen=True, eq=False)
+class _Ranges:
+    """A model with ranges of theta, and the best weights of each theta that was tried.
+
+    Attributes:
+        box: The ranges.
+        grid: The same for a grid of points, where the box is that of a region; else None. Weights
+            on candidates are found many times faster than points of a region.
+        asked: The criterion of one model.
+        progress: See `over_ranges`.
+        known: The best weights of each model alone.
+    """
+
+    box: ThetaBox[Any]
+    grid: ThetaBox[Problem] | None
+    asked: CriterionLike
+    progress: Progress
+    known: dict[Any, RelaxedDesign] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, question: Problem | Region, asked: CriterionLike, progress: Progress) -> Self:
+        """Those of a problem or a region."""
+        assert question.robust is not None
+        assert question.robust.box is not None
+        box = question.robust.box
+        grid = None
+        if isinstance(question, Region):
+            points = RegionGrid.of(question, GRID).x
+            grid = box.among(CandidateSites(points, question.variables, None))
+        return cls(box, grid, asked, progress)
+
+    def own(self, among: ThetaBox[Any], theta: Array) -> criteria.Criterion:
+        """The criterion of the model at one theta."""
         return criteria.as_criterion(
-            asked, box.parameters, lambda name: places_of(among.model(theta), name)
+            self.asked, among.parameters, lambda name: places_of(among.model(theta), name)
         )
 
-    grid: ThetaBox[Any] | None = None
-    if not first and isinstance(question, Region):
-        points = RegionGrid.of(question, GRID).x
-        grid = box.among(CandidateSites(points, question.variables, None))
-        first = _of_grid(grid, asked)
-    known: dict[Any, RelaxedDesign] = {}
+    def best(self, model: Problem | Region, criterion: criteria.Criterion) -> RelaxedDesign:
+        """The best weights for one model alone."""
+        if model not in self.known:
+            self.known[model] = best_weights(model, criterion, self.progress)
+            self.progress("theta alone", len(self.known))
+        return self.known[model]
 
-    def best(model: Problem | Region, criterion: criteria.Criterion) -> RelaxedDesign:
-        if model not in known:
-            known[model] = best_weights(model, criterion)
-        return known[model]
-
-    def optimum(model: Any, criterion: criteria.Criterion) -> tuple[float, Shares]:
-        found = best(model, criterion)
-        sites = box if grid is None or isinstance(model, Region) else grid
+    def optimum(self, model: Any, criterion: criteria.Criterion) -> tuple[float, Shares]:
+        """The same: their cost, and how experiments are shared out."""
+        found = self.best(model, criterion)
+        sites = self.box if self.grid is None or isinstance(model, Region) else self.grid
         return found.cost, _shares(found, sites)
 
-    thetas = list(first) or [box.inside()]
-    found: Design | None = None
-    highest = 0.0
-    for _ in range(rounds):
-        listed = box.listed(thetas)
-        criterion = criterion_of(asked, listed, lambda model, one: best(model, one).value)
-        design = solve(listed, criterion)
-        shares = _shares(design, box)
-        theta, value = box.worst(shares, own, optimum, thetas, grid)
-        of_list = box.values(np.array(thetas), shares, own, optimum).min()
-        named = dict(zip(box.names, theta.tolist(), strict=True))
-        design = replace(design, worst=WorstTheta(named, value, np.array(thetas), box.what))
-        if value >= of_list * (1 - ENOUGH) or not box.is_new(theta, thetas):
-            return design
-        trials = [theta]
-        if found is None or value > highest:
-            found, highest = design, value
-        else:
-            near = shares.mixed(_shares(found, box), NEAR)
-            trials.append(box.worst(near, own, optimum, thetas, grid)[0])
-        for one in trials:
-            if box.is_new(one, thetas):
-                thetas.append(one)
-    assert found is not None
-    return found
+    def worst(self, design: Shares, thetas: Sequence[Array]) -> tuple[Array, float]:
+        """The worst theta of a design, and its value; the search begins at some theta, too."""
+        return self.box.worst(design, self.own, self.optimum, thetas, self.grid)
 
+    def served(
+        self,
+        solve: Callable[[Any, criteria.Criterion], Design],
+        first: Sequence[Array],
+        rounds: int = ROUNDS,
+    ) -> Design:
+        """The design whose worst theta is the best.
 
-def _of_grid(grid: ThetaBox[Problem], asked: CriterionLike) -> list[Array]:
-    """Theta that count at the best weights on a grid: those with a part in what proves them.
+        Args:
+            solve: Finds the best design for several models.
+            first: Theta (p,) of the first list.
+            rounds: Designs at most. If they end before the worst theta is one of the list, it is
+                the best of these designs, beside the bound of its list.
+        """
+        thetas = list(first)
+        found: Design | None = None
+        highest = 0.0
+        for _ in range(rounds):
+            listed = self.box.listed(thetas)
+            criterion = criterion_of(self.asked, listed, lambda *own: self.best(*own).value)
+            design = solve(listed, criterion)
+            shares = _shares(design, self.box)
+            theta, value = self.worst(shares, thetas)
+            named = dict(zip(self.box.names, theta.tolist(), strict=True))
+            worst = WorstTheta(named, value, np.array(thetas), self.box.what)
+            design = replace(design, worst=worst)
+            of_list = self.box.values(np.array(thetas), shares, self.own, self.optimum).min()
+            self.progress(f"{len(thetas)} theta together", float(1 - value / of_list))
+            if value >= of_list * (1 - ENOUGH) or not self.box.is_new(theta, thetas):
+                return design
+            trials = [theta]
+            if isinstance(design, RelaxedRegion):  # on candidates rounds are cheap, long lists not
+                trials.append(self.box.between(theta, *self.that_count(design)))
+            if found is None or value > highest:
+                found, highest = design, value
+            else:
+                near = shares.mixed(_shares(found, self.box), NEAR)
+                trials.append(self.worst(near, thetas)[0])
+            for one in trials:
+                if self.box.is_new(one, thetas):
+                    thetas.append(one)
+        assert found is not None
+        return found
 
-    Weights on candidates are found many times faster than points of a region.
-    """
-    found = over_ranges(grid.first(), asked, relax)
-    assert found.worst is not None
-    thetas = found.worst.thetas
-    M = grid.listed(list(thetas)).information(found.weights)
-    traces = (found.multipliers.sum(axis=0) * M).sum(axis=0)
-    parts = traces.reshape(len(thetas), -1).sum(axis=1)
-    return [*thetas[parts > PART * parts.max()]]
+    def that_count(self, design: Relaxation | RelaxedRegion) -> tuple[list[Array], Array]:
+        """The theta of its list that have a part in what proves a design, and these parts (k,)."""
+        assert design.worst is not None
+        thetas = design.worst.thetas
+        listed = self.box.listed(list(thetas))
+        sites = listed.problem(design.points) if isinstance(design, RelaxedRegion) else listed
+        traces = design.multipliers.sum(axis=0) * sites.information(design.weights)
+        parts = traces.sum(axis=0).reshape(len(thetas), -1).sum(axis=1)
+        counts = parts > PART * parts.max()
+        return [*thetas[counts]], parts[counts]
 
 
 def best_weights(
-    model: Problem | Region, criterion: criteria.Criterion
+    model: Problem | Region, criterion: criteria.Criterion, progress: Progress = no_progress
 ) -> Relaxation | RelaxedRegion:
     """The best weights for one model alone."""
     if isinstance(model, Problem):
         return relax(model, criterion)
-    return relax_region(model, criterion)
+    return relax_region(model, criterion, progress=progress)
 
 
 def _shares(design: Any, box: ThetaBox[Any]) -> Shares:

@@ -162,6 +162,28 @@ def test_the_worst_theta_is_that_of_a_fine_grid():
     assert design.worst.value <= 1 / design.bound * (1 + 1e-9)
 
 
+def test_theta_around_a_peak_are_joined_by_their_parts():
+    """A quarter at 0.4 and three at 0.6 stand for 0.55; one far away does not count."""
+    box = enzyme((0.0, 1.0)).robust.box
+    listed = [np.array([2.0, K]) for K in (0.4, 0.6, 1.0)]
+    between = box.between(np.array([2.0, 0.5]), listed, np.array([1.0, 3.0, 9.0]))
+    np.testing.assert_allclose(between, [2.0, 0.55], rtol=1e-15)
+
+
+def test_work_over_ranges_is_told_and_done_once():
+    """Every theta that is tried alone tells that, and none of a grid is relaxed again."""
+    told = []
+    options = {"robust": "maximin"}
+    dose = edtk.Region.of_model(ENZYME, {"V": 2.0, "K": (0.2, 1.0)}, {"x": (0, 1)}, **options)
+    found = edtk.relax(dose, progress=lambda line, number: told.append((line, number)))
+    alone = [number for line, number in told if line == "theta alone"]
+    assert alone == list(range(1, len(alone) + 1))
+    assert len(alone) < 33 + 33 // 2  # the levels of the grid, and few beside it
+    assert [line for line, _ in told if line.endswith("together")][-1] == (
+        f"{len(found.worst.thetas)} theta together"
+    )
+
+
 @pytest.mark.slow
 def test_the_design_for_ranges_is_that_of_a_long_list():
     """Twenty theta in a box have a design that is hardly better at its worst of them."""
