@@ -17,14 +17,14 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from edtk.system.arguments import checked
-from edtk.system.errors import ArgumentError, finite_numbers, whole_number
+from criteria.linalg.inverse import EPS
+from edtk.system.arguments import checked, is_number
+from edtk.system.errors import LARGEST, ArgumentError, finite_numbers, whole_number
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 
@@ -191,8 +191,8 @@ class Errors(Presented):
         rows = whole_number(rows, "rows", 1)
         columns = whole_number(columns, "columns", 1)
         size = rows * columns * whole_number(each, "each", 1)
-        row_variance = _variance(row_variance, "row_variance")
-        column_variance = _variance(column_variance, "column_variance")
+        row_variance = variance_of_effects(row_variance, "row_variance")
+        column_variance = variance_of_effects(column_variance, "column_variance")
         _require_factors(row_factors)
         _require_factors(column_factors)
         return cls(
@@ -239,12 +239,11 @@ class Errors(Presented):
         if missing:
             message = f"expected one for the stratum {missing[0]!r} too"
             raise ArgumentError(message, argument="variance")
-        return cls(
-            tuple(
-                Stratum(str(name), own, _variance(given[name], "variance"), held.get(name))
-                for name, own in groups.items()
-            )
-        )
+        levels = [
+            Stratum(str(name), own, variance_of_effects(given[name], "variance"), held.get(name))
+            for name, own in groups.items()
+        ]
+        return cls(tuple(levels))
 
     @classmethod
     @checked
@@ -255,7 +254,7 @@ class Errors(Presented):
             correlation: That of two runs after each other, between -1 and 1.
             series: Number of equal series that are independent of each other, or their sizes.
         """
-        if not _is_number(correlation) or not -1 < correlation < 1:
+        if not is_number(correlation) or not -1 < correlation < 1:
             message = "expected a number between -1 and 1"
             raise ArgumentError(message, argument="correlation", given=correlation)
         words = f"noise that is correlated by {correlation:g} from run to run"
@@ -277,9 +276,9 @@ class Errors(Presented):
         x = finite_numbers(positions, "positions")
         if x.ndim not in (1, 2) or not len(x):
             raise ArgumentError("expected places (m, d) of m runs", argument="positions")
-        if not _is_number(length) or not 0 < length < np.inf:
+        if not is_number(length) or not 0 < length < np.inf:
             raise ArgumentError("expected a distance above 0", argument="length", given=length)
-        if not _is_number(nugget) or not 0 <= nugget <= 1:
+        if not is_number(nugget) or not 0 <= nugget <= 1:
             raise ArgumentError("expected a part from 0 to 1", argument="nugget", given=nugget)
         if metric not in METRICS:
             message = f"expected {' or '.join(METRICS)}"
@@ -304,7 +303,7 @@ class Errors(Presented):
     def _of_matrix(cls, V: Array, words: str) -> "Errors":
         """Noise of a covariance (m, m), which must be definite."""
         r = np.linalg.eigvalsh(V)
-        if not r[0] > SINGULAR * r[-1]:
+        if not r[0] > max(SINGULAR * r[-1], 1.0 / LARGEST):
             message = "the covariance of the runs is not positive definite"
             hint = ", some runs are at one place: expected a nugget above 0"
             is_one_place = "distance" in words and r[0] > -SINGULAR * r[-1]
@@ -323,7 +322,7 @@ class Errors(Presented):
             series: Number of equal series of runs with a trend each, or their sizes.
         """
         order = whole_number(order, "order", 1)
-        return cls(trends=(Trend(order, _variance(variance, "variance"), series),))
+        return cls(trends=(Trend(order, variance_of_effects(variance, "variance"), series),))
 
     def __add__(self, other: "Errors") -> "Errors":
         """Both together: their covariances are added, but for the noise of single runs.
@@ -418,15 +417,6 @@ class RunErrors:
         return (*groups, *drifts)
 
     @cached_property
-    def covariance(self) -> Array:
-        """V (m, m), without what nothing is known about."""
-        V = self.noise.copy()
-        for columns, variance in self.effects:
-            if np.isfinite(variance):
-                V += variance * columns @ columns.T
-        return V
-
-    @cached_property
     def nuisance(self) -> Array:
         """Columns N (m, q) of effects of which nothing is known."""
         known = [columns for columns, variance in self.effects if np.isinf(variance)]
@@ -434,9 +424,17 @@ class RunErrors:
 
     @cached_property
     def precision(self) -> Array:
-        """W (m, m): what the runs tell beside all that is nuisance."""
-        inverse = np.linalg.inv(self.covariance)
-        W = 0.5 * (inverse + inverse.T)
+        """W (m, m): what the runs tell beside all that is nuisance.
+
+        With ``V0 = L L'`` and ``L^-1 C = U S Z'``, where the columns C have the roots of their
+        variances, ``(V0 + C C')^-1 = L^-T (I - U S^2/(1 + S^2) U') L^-1`` for all S.
+        """
+        B = np.linalg.inv(np.linalg.cholesky(self.noise))
+        known = [np.sqrt(own) * columns for columns, own in self.effects if np.isfinite(own)]
+        C = np.concatenate([np.zeros((self.m, 0)), *known], axis=1)
+        U, s, _ = np.linalg.svd(B @ C, full_matrices=False)
+        W = B.T @ (B - (U * np.square(s / np.hypot(1.0, s))) @ (U.T @ B))
+        W = 0.5 * (W + W.T)
         N = self.nuisance
         if N.shape[1]:
             # An orthonormal basis: groups of several strata sum to the same constant.
@@ -489,11 +487,16 @@ def _given(V: Array, m: int) -> Array:
     return V
 
 
-def _variance(given: object, argument: str) -> float:
-    """A variance above zero, which may be infinite."""
-    if not _is_number(given) or not given > 0:  # type: ignore[operator]
-        raise ArgumentError("expected above 0", argument=argument, given=given)
-    return float(given)  # type: ignore[arg-type]
+def variance_of_effects(given: object, argument: str) -> float:
+    """A variance in units of that of the noise, which may be infinite.
+
+    Raises:
+        ArgumentError: It is none, or so small that the noise's rounding hides it.
+    """
+    if not is_number(given) or not given >= EPS:
+        message = f"expected above 0, at least {EPS:.1g} of the noise's"
+        raise ArgumentError(message, argument=argument, given=given)
+    return float(given)
 
 
 def _require_factors(hard: object) -> None:
@@ -505,10 +508,6 @@ def _require_factors(hard: object) -> None:
     if np.ndim(hard) == 0 and not isinstance(hard, str):  # type: ignore[arg-type]
         message = "expected names of factors, or a label for each candidate"
         raise ArgumentError(message, argument="hard", given=repr(hard))
-
-
-def _is_number(given: object) -> bool:
-    return isinstance(given, Real) and not isinstance(given, bool)
 
 
 def _stratum_words(stratum: Stratum) -> str:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from edtk.system.errors import ArgumentError
+from edtk.system.arguments import is_number
+from edtk.system.errors import ArgumentError, finite_numbers
 from edtk.system.typing import Array, Indices
 
 if TYPE_CHECKING:
@@ -224,7 +225,7 @@ def with_triple(
         raise ArgumentError(message, argument=where, given=repr(given))
     first, low, high = given
     row, name = coefficients(first)
-    row = _numbers(row, where)
+    row = finite_numbers(row, where)
     n = beside.C.shape[1]
     if row.shape != (n,):
         raise ArgumentError(f"{row.size} coefficients, expected {n}", argument=where)
@@ -236,23 +237,10 @@ def with_triple(
     return beside.and_also(row[None], least, largest, f"{where} ({name})" if name else where)
 
 
-def _numbers(given: object, where: str) -> Array:
-    """Finite numbers of any shape."""
-    try:
-        found = np.asarray(given, dtype=float)
-    except (TypeError, ValueError, OverflowError) as error:
-        raise ArgumentError("expected numbers as coefficients", argument=where) from error
-    if not np.isfinite(found).all():
-        raise ArgumentError("expected finite coefficients", argument=where)
-    return found
-
-
 def _limit(given: object, default: float, where: str) -> float:
     """A limit of a sum; infinite for None."""
     if given is None:
         return default
-    if isinstance(given, bool) or not isinstance(given, int | float | np.number):
+    if not is_number(given):
         raise ArgumentError("expected a number, or None, as a limit", argument=where)
-    if np.isnan(given):
-        raise ArgumentError("a limit is not a number", argument=where)
     return float(given)

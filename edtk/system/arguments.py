@@ -7,7 +7,7 @@ from math import isnan
 from numbers import Real
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, ParamSpec, TypeVar, Union, get_args, get_origin
+from typing import Any, ParamSpec, TypeGuard, TypeVar, Union, get_args, get_origin
 
 from edtk.system.errors import ArgumentError
 
@@ -124,17 +124,18 @@ def _fits(given: Any, kind: Any) -> bool:
     if kind is bool:
         return type(given).__name__ in BOOLEANS
     if kind is float:
-        is_number = isinstance(given, Real) and type(given).__name__ not in BOOLEANS
-        return is_number and _is_told(given)
+        return is_number(given)
     if kind is Sequence:  # arrays are no `Sequence` of Python
         is_list = hasattr(given, "__getitem__") and getattr(given, "ndim", 1) > 0
         return is_list and not isinstance(given, str | bytes | Mapping | type)
     return isinstance(given, kind)
 
 
-def _is_told(number: Any) -> bool:
-    """Whether a number is one of those that a float can be, and no NaN."""
+def is_number(given: object) -> TypeGuard[float]:
+    """Whether a value is a number that a float can be, and no NaN; true and false are none."""
+    if not isinstance(given, Real) or type(given).__name__ in BOOLEANS:
+        return False
     try:
-        return not isnan(number)
+        return not isnan(given)
     except OverflowError:
         return False

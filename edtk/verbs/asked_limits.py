@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from edtk.design.linear_constraints import Linear, LinearConstraints, with_triple
 from edtk.design.problem import Problem
 from edtk.design.relaxation.weight_limits import WeightLimits
-from edtk.system.errors import ArgumentError, finite_numbers
+from edtk.system.errors import LARGEST, ArgumentError, finite_numbers
 from edtk.system.typing import Array, Indices, Mask
 
 ROUNDING = 1e-9  # part of a size by which sums of limits may be off it
@@ -101,7 +101,20 @@ class Budgets:
             raise ArgumentError(message, argument="cost_budget", given=budget)
         if not (funds > 0).all():
             raise ArgumentError("expected above 0", argument="cost_budget", given=budget)
-        return cls(prices, np.atleast_1d(funds), each.ndim == 1)
+        found = cls(prices, np.atleast_1d(funds), each.ndim == 1)
+        if not 1.0 / LARGEST <= found.bought.max() <= LARGEST:
+            message = (
+                f"buys {found.bought.max():g} experiments, expected {1 / LARGEST:g} to {LARGEST:g}"
+            )
+            raise ArgumentError(message, argument="cost_budget", given=budget)
+        return found
+
+    @property
+    def bought(self) -> Array:
+        """How many experiments with each candidate alone (n,) the budgets buy, whole or not."""
+        prices = np.maximum(self.costs, np.finfo(float).tiny)
+        with np.errstate(over="ignore"):
+            return np.asarray((self.funds[:, None] / prices).min(axis=0))
 
     @property
     def joint(self) -> tuple[Array, float]:
@@ -161,9 +174,7 @@ def asked_weight_limits(
             message = "a prior counts per experiment, so that a size is needed beside it"
             raise ArgumentError(message, argument="size")
         number = None
-        prices = np.maximum(budgets.costs, np.finfo(float).tiny)
-        with np.errstate(over="ignore"):
-            largest = (budgets.funds[:, None] / prices).min(axis=0)
+        largest = budgets.bought
     if most is not None:
         largest = np.minimum(counts_of_candidates(most, n, "most"), largest)
     fewest = np.zeros(n) if least is None else counts_of_candidates(least, n, "least")

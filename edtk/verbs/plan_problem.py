@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
-from numbers import Real
 from operator import add
 from typing import Any
 
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike
 
 import criteria
 from edtk.design.enclosure.prove_region import prove_region
-from edtk.design.errors import Errors
+from edtk.design.errors import Errors, variance_of_effects
 from edtk.design.exact import plan_region as exact
 from edtk.design.exact.arranged.arranged_plan import find_arranged
 from edtk.design.exact.counts.find_counts import find_counts
@@ -25,6 +24,7 @@ from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax_region import relax_region
 from edtk.study.plan_study import Progress
+from edtk.system.arguments import is_number
 from edtk.system.errors import ArgumentError, finite_numbers, whole_number
 from edtk.system.typing import Array, Indices
 from edtk.verbs.asked_limits import (
@@ -177,7 +177,7 @@ def _searched(size: object, seed: int, starts: int | None) -> tuple[int, int | N
     Raises:
         ArgumentError: One is no such number, or the size is none.
     """
-    if size is not None and not _is_number(size):
+    if size is not None and not is_number(size):
         raise ArgumentError("expected a whole number", argument="size", given=size)
     seed = whole_number(seed, "seed", 0)
     return seed, None if starts is None else whole_number(starts, "starts", 1)
@@ -365,8 +365,7 @@ def _block_sizes(
     blocks: Sequence[int] | None, variance: float, keep: object, problem: Problem
 ) -> tuple[int, ...]:
     """Sizes of the blocks; none without blocks."""
-    if not (_is_number(variance) and variance > 0):
-        raise ArgumentError("expected above 0", argument="block_variance", given=variance)
+    variance_of_effects(variance, "block_variance")
     if blocks is None:
         if np.isfinite(variance):
             raise ArgumentError("expected blocks beside it", argument="block_variance")
@@ -458,10 +457,6 @@ def _require_consistent(limits: Limits, n: int) -> None:
         beside = " within most" if limits.most is not None else ""
         message = f"no plan of whole experiments{beside} obeys {' and '.join(clash)}"
         raise ArgumentError(f"{message} together", argument="constraints")
-
-
-def _is_number(given: object) -> bool:
-    return isinstance(given, Real)
 
 
 def _places(

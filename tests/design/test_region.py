@@ -201,6 +201,7 @@ def test_without_a_feasible_point():
     ("call", "message"),
     [
         (lambda region: edtk.relax(region, candidates=1), "candidates 1: expected a whole number"),
+        (lambda region: edtk.relax(region, candidates=10**9), "expected 2 to 1000000 points"),
         (lambda region: edtk.relax(region, candidates=9.5), "candidates 9.5: expected a whole"),
         (lambda region: edtk.relax(region, size=0), "size 0: expected a whole number, 1 or more"),
         (lambda region: edtk.plan(region, 2.5), "size 2.5: expected a whole number"),

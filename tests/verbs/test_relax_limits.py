@@ -127,6 +127,7 @@ IMPOSSIBLE = {
     "budget": ({"size": 9, "costs": [1] * N, "cost_budget": 8}, "cost_budget[0] and size"),
     "rows": ({"constraints": [([1] * N, None, 0.5)]}, "constraints[0] and size together"),
     "degree": ({"criterion": "O2", "most": 1}, "O2 has no bound under limits"),
+    "all": ({"costs": [1] * N, "cost_budget": 1e-170}, "buys 1e-170 experiments"),
     "told": ({"most": [1, 1] + [0] * (N - 2)}, "within the limits no experiments tell"),
 }
 

@@ -37,6 +37,7 @@ AT_WALL = 1e-5
 WALL_ROUNDS = 3  # Newton steps onto curved constraints
 WALL_RIDGE = 1e-14  # keeps the steps finite where gradients of constraints are dependent
 POINTS = 5000  # of a grid, at most, unless the caller says otherwise
+MOST_POINTS = 10**6  # that a caller may ask for: each has rows and neighbours in memory
 CORNERS = 10  # variables up to which all corners of the box are points: designs often lie there
 PUSHED = 1000  # infeasible points that are moved onto the constraints, at most
 NEAR_WALL = 0.01  # parts of a range up to which such points are moved
@@ -159,10 +160,11 @@ class RegionGrid:
         points are moved onto the constraints, where optimal designs often lie.
 
         Raises:
-            UserError: No point is feasible, or n < 2.
+            UserError: No point is feasible, or n is not from 2 to `MOST_POINTS`.
         """
-        if n < 2:
-            raise ArgumentError("expected at least two", argument="candidates", given=n)
+        if not 2 <= n <= MOST_POINTS:
+            message = f"expected 2 to {MOST_POINTS} points"
+            raise ArgumentError(message, argument="candidates", given=n)
         low, high = region.limits
         x = low + (high - low) * _cube(region.size, n)
         slack = region.slack_at(x)

@@ -87,9 +87,7 @@ class Limits:
         ``I - a 11'`` with ``a = v/(1 + n v)``; a is 1/n for an effect that nothing is known about.
         """
         sizes = np.array(self.blocks, dtype=float)
-        if np.isinf(self.block_variance):
-            return 1.0 / sizes
-        return self.block_variance / (1.0 + sizes * self.block_variance)
+        return 1.0 / (1.0 / self.block_variance + sizes)
 
     def counts(self, places: Indices, n: int) -> Indices:
         """How often each of n candidates is chosen (b, n) at places (b, m)."""

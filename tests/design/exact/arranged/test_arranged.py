@@ -216,9 +216,21 @@ def test_pyoptex_finds_no_better_one() -> None:
     assert plan.value >= 8.432135863585366 * (1 - 1e-9)
 
 
+@pytest.mark.parametrize("variance", [1e-8, 1.0, 1e12, 1e16, 1e100, 1e308, np.inf])
+def test_no_variance_of_effects_is_too_large(variance):
+    """``(1 + v c c')^-1 = 1 - c c'/(1/v + c'c)``, to rounding, for effects of any size."""
+    runs = Errors.trend(1, variance).of_runs(6)
+    c = runs.trends[0]
+    expected = np.eye(6) - c @ c.T / (1.0 / variance + c.T @ c)
+    np.testing.assert_allclose(runs.precision, expected, atol=1e-14)
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
+        (lambda: Errors.trend(1, 1e-50), "at least 2e-16 of the noise's"),
+        (lambda: Errors.covariance(1e-300 * np.eye(2)), "not positive definite"),
+        (lambda: Errors.covariance(1e300 * np.eye(2)), "at most 1e+150"),
         (lambda: edtk.plan(quadratic(), 12, errors=Errors.split_plot("v", 4)), "no factor 'v'"),
         (lambda: edtk.plan(quadratic(), 12, errors=Errors.split_plot("w", 5)), "12 runs do not"),
         (lambda: edtk.plan(quadratic(), 11, errors=Errors.split_plot("w", (4, 4))), "of 8 runs"),
