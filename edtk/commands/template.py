@@ -18,6 +18,7 @@ from edtk.commands.shared import (
 from edtk.system.errors import ArgumentError
 
 if TYPE_CHECKING:
+    from edtk.calibration.timetable import Day
     from edtk.study.study import Study
 
 
@@ -85,13 +86,15 @@ def command(
     its number in a comment.
     """
     from edtk.measure.cells import csv_text
-    from edtk.verbs.inputs import load_study
+    from edtk.verbs.inputs import load_study, require_output
     from edtk.verbs.template import template
 
     given = {name: value for name, value in of_program.items() if value is not None}
     _require_one(writer, positions, as_json, given)
     question = load_study(study)
     doubts = question.warnings  # first: this reads excluded poses too, and may fail
+    require_output(timetable, *question.reads, plan)
+    day = _day(question, plan, timetable)
     if writer is None:
         table = template(question, plan, positions=positions, markers=markers, out=out)
         if out is None:
@@ -104,21 +107,28 @@ def command(
             print_out("".join(found.files.values()))
         else:
             show(found, as_json, out)
-    _tell_of_the_day(question, plan, timetable, quiet=out is None or as_json)
+    if day is not None:
+        _tell_of_the_day(day, plan, timetable, quiet=out is None or as_json)
     warn_about(study, doubts)
 
 
-def _tell_of_the_day(question: "Study", plan: Path, out: Path | None, quiet: bool) -> None:
-    """Write the timetable where one is asked for, and say which legs have no free way."""
+def _day(question: "Study", plan: Path, out: Path | None) -> "Day | None":
+    """The day, where the study has one or a timetable is asked for."""
     from edtk.calibration.timetable import has_day
-    from edtk.report.views.day import blocked_in_words
     from edtk.verbs.template import timetable
 
-    if out is None and not has_day(question):
-        return
-    day = timetable(question, plan, out=out)
-    if out is not None and not quiet:
-        show(day, False, out)
+    return timetable(question, plan) if out is not None or has_day(question) else None
+
+
+def _tell_of_the_day(day: "Day", plan: Path, out: Path | None, quiet: bool) -> None:
+    """Write the timetable where one is asked for, and say which legs have no free way."""
+    from edtk.report.views.day import blocked_in_words
+    from edtk.verbs.template import write_timetable
+
+    if out is not None:
+        write_timetable(day, out)
+        if not quiet:
+            show(day, False, out)
     for line in blocked_in_words(day):
         warn(line, plan)
 

@@ -101,21 +101,25 @@ def timetable(study: StudyLike, plan: PlanLike, *, out: Path | str | None = None
         UserError: A file is not valid, or the study says neither how long things take nor what
             stands around the robot.
     """
-    from edtk.measure.cells import csv_text
-
     question = of_study(study)
     measured = as_plan(question.study, plan)
-    if out is not None and not is_standard_output(out):
-        require_output(out, *question.study.reads, *files_of(plan))
+    require_output(out, *question.study.reads, *files_of(plan))
     with errors_in(name_of(plan, "plan")):
         day = question.timetable(measured)
     if day is None:
         message = "expected [scene] in the study, or times in [costs], such as dwell_s"
         raise ArgumentError(message, argument="timetable")
     if out is not None:
-        as_json = Path(out).suffix.lower() == ".json"
-        write_text(out, json_text(day.to_dict()) if as_json else csv_text(day.to_frame()))
+        write_timetable(day, out)
     return day
+
+
+def write_timetable(day: "Day", out: Path | str) -> None:
+    """Write the steps of a day: JSON where the file's name ends in .json, else CSV."""
+    from edtk.measure.cells import csv_text
+
+    as_json = Path(out).suffix.lower() == ".json"
+    write_text(out, json_text(day.to_dict()) if as_json else csv_text(day.to_frame()))
 
 
 @checked

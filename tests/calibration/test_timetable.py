@@ -227,7 +227,14 @@ def test_wrong_times_are_one_line(costs, message):
     assert "\n" not in str(caught.value)
 
 
-def test_a_study_without_times_has_no_timetable():
-    """What is missing is said."""
+def test_a_study_without_times_has_no_timetable(tmp_path, monkeypatch):
+    """What is missing is said, before a sheet is written."""
+    monkeypatch.chdir(tmp_path)
+    plan = plan_of([[0, 0], [30, 0]])
     with pytest.raises(edtk.UserError, match=r"in the study, or times in \[costs\]"):
-        edtk.timetable(arm(), plan_of([[0, 0], [30, 0]]))
+        edtk.timetable(arm(), plan)
+    arm().to_toml("study.toml")
+    plan.to_csv("plan.csv", arm().robot)
+    words = ["template", "study.toml", "plan.csv", "--out", "sheet.csv", "--timetable", "t.csv"]
+    assert CliRunner().invoke(main, words).exit_code == 2
+    assert not Path("sheet.csv").exists()
