@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from criteria.linalg.spectrum import is_semidefinite
 from edtk.findings.finding import Data, Finding, Severity, Wording
 from edtk.findings.fitted_data import FittedData
 from edtk.findings.model_error import usual_share
@@ -503,6 +504,8 @@ def possible_from_dict(
     covariance = np.zeros((s, order, order))
     covariance[:, lower[0], lower[1]] = numbers_of(given, "covariance", (s, len(lower[0])))
     whole = covariance + np.swapaxes(np.tril(covariance, -1), 1, 2)
+    if not is_semidefinite(whole).all():
+        raise ValueError("covariance: expected covariances, without negative eigenvalues")
     # Files of before had what friction holds of one size.
     held = not_negative_of({"held": [GIVES] * s, **given}, "held", (s,))
     turn = not_negative_of(given, "turn", (s,))

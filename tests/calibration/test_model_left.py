@@ -213,6 +213,16 @@ def test_bad_files_are_one_line(change, message, tmp_path, bent):
         edtk.compensate(STUDY, path)
 
 
+def test_what_is_no_covariance_is_refused(bent):
+    """Variances below zero are a line, not bands that are no numbers."""
+    result = bent[1].to_dict()
+    table = result["possible_springs"]
+    negative = [[-entry for entry in row] for row in table["covariance"]]
+    result["possible_springs"] = table | {"covariance": negative}
+    with pytest.raises(edtk.UserError, match="covariance: expected covariances, without negative"):
+        edtk.compensate(STUDY, result)
+
+
 def test_files_of_before_have_springs_at_the_joints_alone():
     """One that names no links says the same of its shares, fewer than today's."""
     k = np.append(0.0, K)
