@@ -3,15 +3,17 @@
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from random import Random
 
 from tests.fuzz import command_lines as lines
+from tests.fuzz import days_world
 from tests.fuzz.command_lines import mutate_options, mutate_path, with_extras
 from tests.fuzz.mutate_chain import mutate_chain
 from tests.fuzz.mutate_table import mutate_table
 from tests.fuzz.mutate_text import OF_BYTES, OF_TEXT
 from tests.fuzz.mutate_tree import mutate_json, mutate_toml
-from tests.fuzz.worlds import ANY, FIRST, FULL_POSES, GEOMETRY, MIX, OF_TABLES, WRITTEN, Files
+from tests.fuzz.worlds import ANY, DAYS, FIRST, FULL_POSES, GEOMETRY, MIX, OF_TABLES, WRITTEN, Files
 
 Mutate = Callable[[bytes, Random], bytes]
 
@@ -104,6 +106,11 @@ KINDS = {
 READ_RESULT = (lines.PREDICT, lines.CORRECT)
 READ_POSES = (*(lines.PREDICT, lines.IDENTIFY) * 3, lines.EVALUATE, lines.TEMPLATE, lines.CORRECT)
 POSTERIOR = f"{lines.IDENTIFY} --bayes"
+PROGRAMS = {
+    name: f"compensate study.toml k.json {name} --out new{Path(name).suffix}"
+    for name in days_world.PROGRAMS
+}
+READ_DAYS = (*CHEAP * 2, *PROGRAMS.values(), lines.PREDICT_K, lines.RELAX, lines.DAY)
 # Kinds that came later have numbers of their own, so that all others mean what they meant.
 EVERY = 9
 LATER = {
@@ -134,6 +141,26 @@ LATER = {
     "poses of full poses": Kind(("tests.csv",), (lines.PREDICT,), mutate_table, (FULL_POSES,)),
     "poses to command": Kind(("poses.csv",), (lines.CORRECT,), mutate_table, (FULL_POSES,)),
     "options of full poses": Kind((), (*READ_POSES, *OF_GEOMETRY, POSTERIOR), None, (FULL_POSES,)),
+    "study of days": Kind(("study.toml", "robot.toml"), READ_DAYS, mutate_toml, (DAYS,), share=8),
+    "sheet of days": Kind(("sheet.csv",), (lines.IDENTIFY,), mutate_table, (DAYS,)),
+    "kept visits of days": Kind(
+        ("keep.csv",), (f"{lines.DAY} --keep keep.csv",), mutate_table, (DAYS,), slow=True
+    ),
+    "certificate of a day": Kind(
+        ("day.json",),
+        ("verify day.json", "verify day.json --study study.toml"),
+        mutate_json,
+        (DAYS, GEOMETRY),
+        share=8,
+    ),
+    "certificate of an exact plan": Kind(
+        ("exact.json",), ("verify exact.json",), mutate_json, (DAYS,)
+    ),
+    "options of days": Kind((), READ_DAYS, None, (DAYS,)),
+    **{
+        f"program {name}": Kind((name,), (line,), None, (DAYS,), share=2)
+        for name, line in PROGRAMS.items()
+    },
 }
 
 

@@ -26,6 +26,7 @@ CONTROLLER = "controller robot.urdf positions.csv --tip flange"
 VISITS = "plan study.toml --size 8 --budget 0.1"
 DAY = "plan study.toml --cost-budget 15 --budget 0.1"
 PREDICT = "predict study.toml result.json tests.csv"
+PREDICT_K = "predict study.toml k.json plan.csv"
 CORRECT = "compensate study.toml result.json poses.csv"
 VERBS = tuple(sorted(main.commands))
 

@@ -18,14 +18,26 @@ from tests.fuzz.sandbox import Sandbox, Snapshot
 LONGEST = 300  # characters of a message
 MOST_S = 8.0  # processor time of a case
 MOST_MB = 1500.0  # growth of memory in a case
-NOT_VALID = 1  # exit code of `edtk verify` for a certificate that was read and does not hold
+# Exit code of `edtk verify` for a certificate that was read and does not hold, and of commands that
+# answered a part.
+IN_PART = 1
+ANSWER_IN_PART = ("verify", "compensate")
 # Lines that a progress bar writes, and overwrites.
 PROGRESS = re.compile(r"\[\d\d:\d\d[],<]|step/s|\d+step ")
 # Options and arguments in messages.
 PLACE = re.compile(r"--?[a-z]|option|argument|command|STUDY|PLAN|MEASUREMENTS|TASK|K\.json|FILE")
 # A file that a mutated one names, by an ending or by what the system says of it.
 FILE = re.compile(r"edtk: (\S+\.\w+: |.+: (no such file|is a folder|File name too long))")
-OUTPUTS = ("--out", "--certificate", "--chain", "--export", "--figures")
+OUTPUTS = (
+    "--out",
+    "--certificate",
+    "--chain",
+    "--export",
+    "--figures",
+    "--rest",
+    "--table",
+    "--timetable",
+)
 # What a run that failed may leave, because the next one goes on from it.
 LINKED = ("nowhere/", "folder/")  # folders to which links of the sandbox lead
 KEPT = {"run": ("cases", "certificates"), "bayes": ("h5",), "identify": ("h5",)}
@@ -51,14 +63,15 @@ def judge(
     if answer.error:
         return [Finding(f"traceback: {answer.error}", _tail(answer.stderr))]
     found = [*_limits(case, answer)]
-    failed = answer.code != 0
-    if answer.code not in (0, 2, 130) and not (case.verb == "verify" and answer.code == NOT_VALID):
+    in_part = answer.code == IN_PART and case.verb in ANSWER_IN_PART
+    failed = answer.code != 0 and not in_part
+    if answer.code not in (0, 2, 130) and not in_part:
         return [*found, Finding(f"exit code {answer.code} of {case.verb}", _tail(answer.stderr))]
     changed = _changed(case, sandbox, before, after)
     lines = messages(answer.stderr)
     # Where a file goes to standard output, the result goes to standard error.
     found += [] if case.prints_a_file else _streams(case, lines)
-    if failed and answer.code != NOT_VALID:
+    if failed:
         found += _failure(case, answer, lines)
         left = [path for path in changed if not _may_stay(case, path)]
     else:

@@ -13,7 +13,7 @@ import numpy as np
 import edtk
 from edtk.cli import main
 from tests.fuzz import arm_worlds as arms
-from tests.fuzz import cell_world, geometry_world, mix_world, poses_world
+from tests.fuzz import cell_world, days_world, geometry_world, mix_world, poses_world
 
 Files = dict[str, bytes]
 
@@ -33,9 +33,11 @@ WRITTEN = {
 GEOMETRY = "geometry"  # absolute positions, without a load
 MIX = "mix"  # positions, a pose and distances in one study
 FULL_POSES = "full poses"  # absolute poses, loaded or not: geometry and springs
-WORLDS = (*WRITTEN, GEOMETRY, MIX, FULL_POSES)
+DAYS = "days"  # springs from the nominal robot, with costs of a day, and robot programs
+WORLDS = (*WRITTEN, GEOMETRY, MIX, FULL_POSES, DAYS)
 FIRST = "arm"
 ANY = "cell"  # any robot and any task: a URDF, markers, a payload, noise
+EXACT = ("--size", "2", "--prove", "20", "--certificate", "exact.json")
 OF_TABLES = ("arm", "pose", "rail")  # robots are in TOML files there
 NAMES = ("study.toml", "robot.toml", "plan.csv", "task.csv", "exclude.csv")
 
@@ -69,12 +71,24 @@ def _texts(name: str) -> dict[str, str]:
         return {"study.toml": geometry_world.STUDY, "robot.toml": arms.ROBOT, "plan.csv": arms.PLAN}
     if name == FULL_POSES:
         return poses_world.FILES
-    mixed = (mix_world.STUDY, *WRITTEN[FIRST][1:])
-    written = dict(zip(NAMES, mixed if name == MIX else WRITTEN[name], strict=True))
+    own = {
+        **WRITTEN,
+        MIX: (mix_world.STUDY, *WRITTEN[FIRST][1:]),
+        DAYS: (
+            days_world.STUDY,
+            days_world.ROBOT,
+            days_world.PLAN,
+            days_world.TASK,
+            days_world.EXCLUDE,
+        ),
+    }
+    written = dict(zip(NAMES, own[name], strict=True))
     if name == ANY:
         written["robot.urdf"] = written.pop("robot.toml")
     texts = {**written, "pub.csv": written["plan.csv"]}
     texts["earlier.json"] = arms.EARLIER
+    if name == DAYS:
+        texts.update(days_world.PROGRAMS)
     # One experiment that was made, so that there is another one to plan.
     texts["keep.csv"] = "\n".join(written["plan.csv"].splitlines()[:2]) + "\n"
     return texts
@@ -84,6 +98,7 @@ def _make(name: str) -> None:
     """Make the other files of a world."""
     if name == GEOMETRY:
         geometry_world.calibrate()
+        _edtk("plan", "study.toml", "--budget", "1", "--certificate", "day.json")
         return
     if name == FULL_POSES:
         poses_world.calibrate()
@@ -92,6 +107,9 @@ def _make(name: str) -> None:
     _edtk("relax", "study.toml", "--certificate", "certificate.json")
     if name == FIRST:
         _search()
+    if name == DAYS:
+        _edtk("plan", "study.toml", "--budget", "1", "--certificate", "day.json")
+        _edtk("plan", "study.toml", *EXACT)
     if name == ANY:
         _measure_positions()
 
