@@ -27,15 +27,24 @@ from edtk.system.typing import Array, Indices
 if TYPE_CHECKING:
     from edtk.calibration.geometry_question import GeometryQuestion
 
-CANDIDATES = 300  # poses among which one more experiment is looked for
-VISITS = 100  # the same of visits, whose rows are more
-DRAWS = 1000  # simulated residuals of each fault: shares are right within 2 %
-SEED = 0
-ROUNDING_OF_EVIDENCE = 1e-6  # of twice a logarithm
-# Of what a fault changes in the joint where it changes most: below it is rounding.
-VISIBLE_CHANGE = 1e-6
-HELPS = 0.02  # share by which an experiment has to help to be more than chance
-DEPENDENT = 1e-9  # singular value of scaled columns, beside the largest, that is rounding
+
+@dataclass(frozen=True)
+class Simulated:
+    """How faults are simulated, and when one more experiment helps."""
+
+    candidates: int = 300  # poses among which one more experiment is looked for
+    visits: int = 100  # the same of visits, whose rows are more
+    draws: int = 1000  # simulated residuals of each fault: shares are right within 2 %
+    seed: int = 0
+    rounding: float = 1e-6  # of twice a logarithm
+    # Of what a fault changes in the joint where it changes most: below it is rounding.
+    visible: float = 1e-6
+    helps: float = 0.02  # share by which an experiment has to help to be more than chance
+    # Singular value of scaled columns, beside the largest, that is rounding.
+    dependent: float = 1e-9
+
+
+SIMULATED = Simulated()
 
 
 @dataclass(frozen=True)
@@ -138,7 +147,7 @@ class Promised:
             plan: All experiments.
         """
         first = planned_measurements(study, plan)
-        x = sample_feasible(study.space, CANDIDATES, study.specification.seed)
+        x = sample_feasible(study.space, SIMULATED.candidates, study.specification.seed)
         more = planned_measurements(study, study.space.plan(x, np.ones(len(x), dtype=int)))
         both = _joined(first, more)
         A = both.regressor(study.model)
@@ -160,7 +169,7 @@ class Promised:
 
         study = question.study
         order = visit_order(study, plan)
-        x = sample_feasible(question.space, VISITS, study.specification.seed)
+        x = sample_feasible(question.space, SIMULATED.visits, study.specification.seed)
         more = question.space.plan(x, np.ones(len(x), dtype=int))
         q = np.concatenate([plan.q[order], more.q])
         wrench = np.concatenate([plan.wrench[order], more.wrench])
@@ -302,7 +311,7 @@ class _Shown:
         A link in front of all that bends shows in no displacement, and does no harm in any.
         """
         sizes = [self.sizes[self.families.index(family)] for family in families]
-        least = VISIBLE_CHANGE * max(sizes, default=0.0)
+        least = SIMULATED.visible * max(sizes, default=0.0)
         there = [one for one, size in zip(families, sizes, strict=True) if size > least]
         return min(there, key=lambda one: self.power(self.planned, one, fault), default=None)
 
@@ -344,7 +353,7 @@ class _Shown:
         return Separation(
             (pair[0].detection, pair[1].detection),
             right,
-            self.promised.better(best) if with_one[best] > right + HELPS else None,
+            self.promised.better(best) if with_one[best] > right + SIMULATED.helps else None,
             max(with_one[best], right),
             None if shared else times_to_tell(own, pair),
         )
@@ -353,7 +362,7 @@ class _Shown:
 def _left(A: Array, D: Array, rows: Indices) -> Array:
     """``D'(I - UU')D`` for the column space U of some rows of A."""
     U, s, _ = np.linalg.svd(A[rows].reshape(-1, A.shape[-1]), full_matrices=False)
-    U = U[:, s > DEPENDENT * s[0]]
+    U = U[:, s > SIMULATED.dependent * s[0]]
     flat = D[rows].reshape(len(U), D.shape[-1])
     left = flat - U @ (U.T @ flat)
     left = left - U @ (U.T @ left)  # once more: a fault may be taken up but for a millionth
@@ -372,33 +381,33 @@ def right_share(gram: Array, faults: Pair) -> float:
             true ones.
         faults: The two faults.
     """
-    rng = np.random.default_rng(SEED)
+    rng = np.random.default_rng(SIMULATED.seed)
     values, vectors = np.linalg.eigh(gram)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     first = faults[0].family.dims
     parts = (slice(0, first), slice(first, len(gram)))
     shares = []
     for true, part in enumerate(parts):
-        c = np.zeros((DRAWS, len(gram)))
+        c = np.zeros((SIMULATED.draws, len(gram)))
         c[:, part] = _directions(faults[true].family, rng)
         s = c @ gram + rng.standard_normal(c.shape) @ root.T
         both = zip(faults, parts, strict=True)
         gains = [_gain(s[:, one], gram[one, one], fault) for fault, one in both]
         ahead = gains[true] - gains[1 - true]
         # Faults that make the same differ by rounding alone: chance names them.
-        shares.append(float(np.where(np.abs(ahead) < ROUNDING_OF_EVIDENCE, 0.5, ahead > 0).mean()))
+        shares.append(float(np.where(np.abs(ahead) < SIMULATED.rounding, 0.5, ahead > 0).mean()))
     return sum(shares) / 2
 
 
 def _directions(family: Family, rng: np.random.Generator) -> Array:
-    """Random unit vectors (DRAWS, dims); positive numbers where a size is never negative."""
-    c = rng.standard_normal((DRAWS, family.dims))
+    """Random unit vectors (draws, dims); positive numbers where a size is never negative."""
+    c = rng.standard_normal((SIMULATED.draws, family.dims))
     c /= np.linalg.norm(c, axis=1, keepdims=True)
     return np.abs(c) if family.only_positive else c
 
 
 def _gain(s: Array, gram: Array, fault: SizedFamily) -> Array:
-    """Twice the logarithm (DRAWS,) of the marginal likelihood of a fault over that of none.
+    """Twice the logarithm (draws,) of the marginal likelihood of a fault over that of none.
 
     Over normal sizes of variance t^2 that is ``s'(I/t^2 + G)^-1 s - log det(I + t^2 G)``; see
     `rarity` for the mixture of such sizes.

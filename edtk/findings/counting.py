@@ -12,18 +12,29 @@ from edtk.fit.place_robot import LinearStart, linear_misfits, linear_start, rigi
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array
 
-MOST_PLACED = 40  # that a search looks at
-MUCH_BETTER = 4.0  # times better, another way to count is believed
-# Two ways whose distances differ by less are equally good. Every change has to pay for itself: one
-# of a joint that stands still in most visits fits these as well, and makes the others look wrong.
-ALIKE = 1.5
-BEYOND_FIT = 10.0  # times the distance of the best way: a visit farther off does not fit at all
-KEPT_VISITS = 0.75  # of the visits place the robot where a few may be wrong
-PLACING_TURNS = 5  # of placing it and of choosing these visits
-MOST_WAYS = 24  # ways to count that are looked at with a part of the visits
-AT_ONCE = 100  # of all ways: more are no faster, and take their memory
-# Of the size of all positions: two misfits by normal equations that differ by less may be alike.
-MISFIT_ROUNDING = 1e-6
+
+@dataclass(frozen=True)
+class SearchOfWays:
+    """How ways to count are searched, and when one is believed."""
+
+    placed: int = 40  # that a search looks at
+    much_better: float = 4.0  # times better, another way to count is believed
+    # Two ways whose distances differ by less are equally good. Every change has to pay for itself:
+    # one of a joint that stands still in most visits fits these as well, and makes the others look
+    # wrong.
+    alike: float = 1.5
+    # Times the distance of the best way: a visit farther off does not fit at all.
+    beyond_fit: float = 10.0
+    kept: float = 0.75  # of the visits place the robot where a few may be wrong
+    turns: int = 5  # of placing it and of choosing these visits
+    ways: int = 24  # ways to count that are looked at with a part of the visits
+    at_once: int = 100  # of all ways: more are no faster, and take their memory
+    # Of the size of all positions: two misfits by normal equations that differ by less may be
+    # alike.
+    rounding: float = 1e-6
+
+
+SEARCH = SearchOfWays()
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +79,8 @@ def placed_by_most(robot: Robot, data: MarkerPositions, matrix: Array | None = N
     """The same by the visits that fit best, in turns (Rousseeuw and Van Driessen 2006)."""
     start = placed(robot, data, matrix)
     flange = robot.forward(data.q if matrix is None else data.q @ matrix.T)
-    count = int(np.ceil(KEPT_VISITS * len(data)))
-    for _ in range(PLACING_TURNS):
+    count = int(np.ceil(SEARCH.kept * len(data)))
+    for _ in range(SEARCH.turns):
         if not start.whole or not start.scale < np.inf:
             break
         local = flange[:, None, :3, 3] + np.einsum("mij,kj->mki", flange[:, :3, :3], start.tools)
@@ -144,12 +155,12 @@ def _ways(robot: Robot, few: MarkerPositions) -> list[tuple[int, Counting]]:
 def _likely(
     robot: Robot, few: MarkerPositions, ways: list[tuple[int, Counting]]
 ) -> list[tuple[float, int, Counting]]:
-    """The ways that fit best, with how well they do: `MOST_WAYS`, and those that fit alike."""
+    """The ways that fit best, with how well they do: `SEARCH.ways`, and those that fit alike."""
     turned = np.array([way.matrix.T for _, way in ways])
     rough = np.concatenate(
         [
             linear_misfits(robot.forward(few.q @ some), few.measured, few.seen)
-            for some in np.split(turned, range(AT_ONCE, len(turned), AT_ONCE))
+            for some in np.split(turned, range(SEARCH.at_once, len(turned), SEARCH.at_once))
         ]
     )
     found: list[tuple[float, int, Counting]] = []
@@ -161,8 +172,8 @@ def _likely(
         start = placed(robot, few, way.matrix)
         if way.exchanged or (start.whole and not start.mirrored):
             found.append((start.rms, changes, way))
-        if len(found) == MOST_WAYS:
-            limit = (1 + MISFIT_ROUNDING) * rough[i] + MISFIT_ROUNDING * _spread(few)
+        if len(found) == SEARCH.ways:
+            limit = (1 + SEARCH.rounding) * rough[i] + SEARCH.rounding * _spread(few)
     return found
 
 
@@ -202,7 +213,7 @@ def _least(
         still: The place with the way to count of the study.
         ways: For each way how well it fits all these visits, and its number of changes.
     """
-    ways = sorted(ways, key=lambda one: one[:2])[:MOST_WAYS]
+    ways = sorted(ways, key=lambda one: one[:2])[: SEARCH.ways]
     starts = [placed_by_most(robot, few, way.matrix) for _, _, way in ways]
     sound = [
         (start, changes, way)
@@ -211,15 +222,17 @@ def _least(
     ]
     if not sound:
         return None
-    limit = BEYOND_FIT * min(start.rms for start, _, _ in sound) + 1e-9
+    limit = SEARCH.beyond_fit * min(start.rms for start, _, _ in sound) + 1e-9
     sizes = [_bounded(robot, few, start, way, limit) for start, _, way in sound]
     alike = [
-        one for one, size in zip(sound, sizes, strict=True) if size <= ALIKE * min(sizes) + 1e-9
+        one
+        for one, size in zip(sound, sizes, strict=True)
+        if size <= SEARCH.alike * min(sizes) + 1e-9
     ]
     start, _, way = min(alike, key=lambda one: one[1])
     if not way.words or far_off(start, few):
         return None
-    if still.rms < MUCH_BETTER * start.rms and not still.mirrored:
+    if still.rms < SEARCH.much_better * start.rms and not still.mirrored:
         return None
     return way
 
@@ -281,7 +294,7 @@ def _words(turned: list[str], names: tuple[str, ...], follower: int, by: int) ->
 
 def _thinned(data: MarkerPositions) -> MarkerPositions:
     """Poses spread over all."""
-    chosen = np.unique(np.linspace(0, len(data) - 1, MOST_PLACED).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(data) - 1, SEARCH.placed).round().astype(int))
     return data[chosen]
 
 

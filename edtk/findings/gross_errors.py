@@ -14,10 +14,6 @@ from edtk.robots.joint import Joint
 from edtk.robots.robot import Robot
 from edtk.system.typing import Array, Indices
 
-DRAWS = 80  # of a few poses each, of which one at least is likely free of errors
-MAJORITY = 0.5  # share of the visits that have to agree
-SOME = 0.25  # likewise, where so many do not
-SPARE = 4  # visits beside those of a draw, at least: some of them show whether these are sound
 DEGREE = np.pi / 180
 FAR = 0.02  # of the spread of positions: no drawing is as wrong
 SCALES = {
@@ -28,16 +24,39 @@ SCALES = {
     "feet": 1 / 304.8,
     "micrometres": 1e3,
 }
-FEWEST = 3  # visits one after the other that a motion of the frame has to explain
-MOST_TYPED = 15  # visits: nobody mistypes more, and the search for each takes a while
-GRID = 361  # values of a joint that are tried
-REFINED = 5  # times the grid about the best value is made ten times finer
-MUCH_FARTHER = 6.0  # times the typical distance: no pose of a sound sheet is as far off
-LEAST_DISTANCE = 2e-3  # [m] below it a distance is left to the fit
 # What visits of which the others say something else look like, see `WrongVisit`.
 OF_THE_REST = ("frame_moved", "joint_slipped")  # of these the others are no more right than they
 WRONG = ("gross", *OF_THE_REST, "unit", "radians", "shifted", "coordinates", "typed")
-FEW_LEFT = 0.6  # share of the visits that count, below which these may be the wrong ones
+
+
+@dataclass(frozen=True)
+class TypedWrongly:
+    """How a joint is searched that was typed wrongly."""
+
+    most: int = 15  # visits: nobody mistypes more, and the search for each takes a while
+    grid: int = 361  # values of a joint that are tried
+    refined: int = 5  # times the grid about the best value is made ten times finer
+    fewest: int = 3  # visits one after the other that a motion of the frame has to explain
+
+
+TYPED = TypedWrongly()
+
+
+@dataclass(frozen=True)
+class AgreeingVisits:
+    """How visits are found that agree with each other."""
+
+    draws: int = 80  # of a few poses each, of which one at least is likely free of errors
+    majority: float = 0.5  # share of the visits that have to agree
+    some: float = 0.25  # likewise, where so many do not
+    # Visits beside those of a draw, at least: some of them show whether these are sound.
+    spare: int = 4
+    much_farther: float = 6.0  # times the typical distance: no pose of a sound sheet is as far off
+    least_distance: float = 2e-3  # [m] below it a distance is left to the fit
+    few_left: float = 0.6  # share of the visits that count, below which these may be the wrong ones
+
+
+AGREE = AgreeingVisits()
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +85,10 @@ class Consensus:
         poses that follow each other are tried too, as sound ones often do.
         """
         flange = robot.forward(data.q)
-        found = _least(robot, flange, data, MAJORITY)
+        found = _least(robot, flange, data, AGREE.majority)
         spread = float(np.sqrt(np.nanmean((data.measured - _center(data)) ** 2) * 3))
         if found is not None and found.typical > FAR * spread:
-            some = _least(robot, flange, data, SOME)
+            some = _least(robot, flange, data, AGREE.some)
             found = some if some is not None and some.typical < FAR * spread else found
         return found
 
@@ -82,15 +101,15 @@ def _least(robot: Robot, flange: Array, data: MarkerPositions, share: float) -> 
     """The place to which a share of the visits is nearest."""
     k = len(data.markers)
     few = -(-(12 + 3 * k) // (3 * k)) + 3
-    if len(data) < few + SPARE:
+    if len(data) < few + AGREE.spare:
         return None
     # Visits that were fitted agree by themselves: more than these have to.
     share = max(share, (few + 1) / len(data))
     rng = np.random.default_rng(0)
     draws: list[Indices] = [np.arange(len(data))]
-    draws += [rng.choice(len(data), few, replace=False) for _ in range(DRAWS)]
-    if share < MAJORITY:
-        firsts = np.unique(np.linspace(0, len(data) - few, DRAWS).astype(int))
+    draws += [rng.choice(len(data), few, replace=False) for _ in range(AGREE.draws)]
+    if share < AGREE.majority:
+        firsts = np.unique(np.linspace(0, len(data) - few, AGREE.draws).astype(int))
         draws += [np.arange(first, first + few) for first in firsts]
     best: Consensus | None = None
     told = data.seen.any(axis=1)
@@ -166,7 +185,7 @@ def explain_visits(
         kind, words = moved.get(visit, ("", ""))
         if not kind:
             limit = min(near, EXPLAINED * own)
-            causes = _causes(agreed, data, visit, typed=len(visits) <= MOST_TYPED)
+            causes = _causes(agreed, data, visit, typed=len(visits) <= TYPED.most)
             kind, words = next(
                 ((kind, words) for kind, words, left in causes if left < limit), ("gross", "")
             )
@@ -181,7 +200,7 @@ def _moved(
     found: dict[int, tuple[str, str]] = {}
     breaks = np.flatnonzero(np.diff(visits) > 1) + 1
     for run in np.split(np.array(visits, dtype=int), breaks):
-        if len(run) < FEWEST:
+        if len(run) < TYPED.fewest:
             continue
         seen = data.seen[run]
         measured = data.measured[run][seen]
@@ -278,9 +297,9 @@ def _others(
         low, high = joint.limits if joint.kind == "prismatic" else (-np.pi, np.pi)
         best = q[j]
         size = np.inf
-        for _ in range(REFINED):
-            values = np.linspace(low, high, GRID)
-            poses = np.tile(q, (GRID, 1))
+        for _ in range(TYPED.refined):
+            values = np.linspace(low, high, TYPED.grid)
+            poses = np.tile(q, (TYPED.grid, 1))
             poses[:, j] = values
             errors = left(x, poses)
             best = float(values[errors.argmin()])
@@ -338,7 +357,7 @@ def gross_errors(robot: Robot, data: MarkerPositions, rigid: RigidTool) -> Gross
 
 def _far(agreed: Consensus, data: MarkerPositions, rigid: RigidTool) -> GrossErrors:
     """The visits that are far off."""
-    near = max(MUCH_FARTHER * agreed.typical, LEAST_DISTANCE)
+    near = max(AGREE.much_farther * agreed.typical, AGREE.least_distance)
     predicted = agreed.predict(data.q)
     swapped = list(rigid.swapped)
     wrong: list[int] = []
@@ -380,7 +399,7 @@ def gross_findings(data: MarkerPositions, found: GrossErrors) -> list[Finding]:
         found: Those that were not fitted.
     """
     findings = []
-    many = len(found.visits) > (1 - FEW_LEFT) * len(data)
+    many = len(found.visits) > (1 - AGREE.few_left) * len(data)
     severity = Severity.ALARM if many else Severity.WARNING
     for markers in dict.fromkeys(markers for _, markers in found.swapped):
         rows = _rows(data, [visit for visit, own in found.swapped if own == markers])

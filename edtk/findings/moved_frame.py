@@ -20,36 +20,56 @@ from edtk.measure.position_noise import PositionNoise
 from edtk.robots.frames import MM
 from edtk.system.typing import Array, Indices, Mask
 
-FEWEST_IN_FRAME = 2  # poses before, after and between
-UNLIKELY_FRAME = 1e-6
 # Of the squares, at least: a drift of the floor explains less. Equal weights make more of errors
 # that the coordinates of a pose have in common, which are then as if fewer poses told something.
 FRAME_EXPLAINS = {False: 0.2, True: 0.5}
 FRAME_COORDINATES = {False: 3.0, True: 6.0}  # of a pose that err together
-# Probability of a motion that the noise was fitted beside: of 200 sound days none had less.
-RARE_MOTION = 1e-2
-SIDE = 4  # poses before and after such a motion: of fewer it may be that one is a wrong one
-BREAKS = 30  # poses at which a motion that is taken back is tried first
-UNLIKELY_LOAD = 1e-4
-LOAD_EXPLAINS = 0.5  # of the squares, at least: gears that are not round explain less
-# The same where poses with the weight were chosen by what they leave: of errors in one direction
-# the choice of those of one sign explains 2/pi, whatever they are, and a little more of few.
-CHOSEN_EXPLAINS = 0.8
-LOAD_COORDINATES = 3.0  # of a pose that err together
-USUAL_BEND = 3.0  # of a joint under a weight, by a lever of a metre [mrad]
 # Causes that have names of their own above, whatever part of the day they are in.
 OF_THE_DAY = ("frame_moved", "drift", "growth", "joint_slipped")
 MOST_OF_MISFIT = 0.7  # of the misfit, at least, that a fault explains which is there all day
-# Of the length of what a fault adds, that the parameters of the fit have to leave.
-SEEN_BESIDE = 1e-4
-SURE = 2.0  # standard deviations by which a joint gives way
-# Of a stated load: a share of it that may be larger is not said to be none.
-HARDLY_LOADED = 0.2
-LIKE_NONE = 3.0  # standard deviations within which a share agrees with none
-FEWEST_LOADED = 4  # poses with the weight, and without it
-STARTS = 6  # random ones of the search for poses with a weight
-WEIGHT_ROUNDS = 12  # of telling the weight and the poses, in turn
-SAME_LOAD = 1e-6  # [m] a load that changes less from pose to pose tells nothing
+
+
+@dataclass(frozen=True)
+class UntoldWeights:
+    """When a weight hangs that nobody told, and how its poses are searched."""
+
+    unlikely: float = 1e-4
+    explains: float = 0.5  # of the squares, at least: gears that are not round explain less
+    # The same where poses with the weight were chosen by what they leave: of errors in one
+    # direction the choice of those of one sign explains 2/pi, whatever they are, and a little more
+    # of few.
+    chosen_explains: float = 0.8
+    coordinates: float = 3.0  # of a pose that err together
+    usual_bend: float = 3.0  # of a joint under a weight, by a lever of a metre [mrad]
+    # Of the length of what a fault adds, that the parameters of the fit have to leave.
+    seen_beside: float = 1e-4
+    sure: float = 2.0  # standard deviations by which a joint gives way
+    # Of a stated load: a share of it that may be larger is not said to be none.
+    hardly: float = 0.2
+    like_none: float = 3.0  # standard deviations within which a share agrees with none
+    fewest: int = 4  # poses with the weight, and without it
+    starts: int = 6  # random ones of the search for poses with a weight
+    rounds: int = 12  # of telling the weight and the poses, in turn
+    same: float = 1e-6  # [m] a load that changes less from pose to pose tells nothing
+
+
+WEIGHT = UntoldWeights()
+
+
+@dataclass(frozen=True)
+class MotionsOfFrame:
+    """When a motion of the frame between two poses is one."""
+
+    fewest: int = 2  # poses before, after and between
+    unlikely: float = 1e-6
+    # Probability of a motion that the noise was fitted beside: of 200 sound days none had less.
+    rare: float = 1e-2
+    # Poses before and after such a motion: of fewer it may be that one is a wrong one.
+    side: int = 4
+    breaks: int = 30  # poses at which a motion that is taken back is tried first
+
+
+FRAME = MotionsOfFrame()
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,11 +185,11 @@ def _best(day: "_Day", white: bool, back: bool) -> "_Step | None":
     """
     m = len(day)
     dof = day.dof
-    if m < 2 * FEWEST_IN_FRAME or dof < 4:
+    if m < 2 * FRAME.fewest or dof < 4:
         return None
     sums = day.sums(None if white else day.rows.noise)
     total = sums.total
-    best = sums.best([(s, m) for s in range(FEWEST_IN_FRAME, m - FEWEST_IN_FRAME + 1)])
+    best = sums.best([(s, m) for s in range(FRAME.fewest, m - FRAME.fewest + 1)])
     tried = [(best, m)]
     if back:
         pairs = _pairs(m)
@@ -181,7 +201,7 @@ def _best(day: "_Day", white: bool, back: bool) -> "_Step | None":
         for (fall, s, t), count in tried
     ]
     probability, fall, s, t = min(judged)
-    if probability > UNLIKELY_FRAME or fall < FRAME_EXPLAINS[white] * total:
+    if probability > FRAME.unlikely or fall < FRAME_EXPLAINS[white] * total:
         return None
     return day.between(s, t, sums.motion(s, t), fall / total)
 
@@ -193,15 +213,15 @@ def _beside_noise(day: "_Day") -> "_Step | None":
     looks large enough to explain it. Fitted beside its columns, the noise is as without it.
     """
     m = len(day)
-    if m < 2 * SIDE or day.dof < 4:
+    if m < 2 * FRAME.side or day.dof < 4:
         return None
-    _, s, _ = day.sums(day.rows.noise).best([(s, m) for s in range(SIDE, m - SIDE + 1)])
+    _, s, _ = day.sums(day.rows.noise).best([(s, m) for s in range(FRAME.side, m - FRAME.side + 1)])
     after = day.sums(day.noise_beside(s))
     total = after.total
     fall, _, _ = after.best([(s, m)])
     independent = max(day.dof / FRAME_COORDINATES[False], 1.0)
     if (
-        day.probability(fall, total, independent) * m > RARE_MOTION
+        day.probability(fall, total, independent) * m > FRAME.rare
         or fall < FRAME_EXPLAINS[False] * total
     ):
         return None
@@ -210,16 +230,16 @@ def _beside_noise(day: "_Day") -> "_Step | None":
 
 def _pairs(m: int) -> list[tuple[int, int]]:
     """Some poses between which a motion is tried, the day's ends left out."""
-    breaks = np.unique(np.linspace(FEWEST_IN_FRAME, m - 1, BREAKS).astype(int)).tolist()
-    return [(s, t) for s in breaks for t in breaks if t - s >= FEWEST_IN_FRAME]
+    breaks = np.unique(np.linspace(FRAME.fewest, m - 1, FRAME.breaks).astype(int)).tolist()
+    return [(s, t) for s in breaks for t in breaks if t - s >= FRAME.fewest]
 
 
 def _near(s: int, t: int, m: int) -> list[tuple[int, int]]:
     """Pairs near a pair, as near as the next that was tried, and itself."""
-    step = max(m // BREAKS, 1) + 1
+    step = max(m // FRAME.breaks, 1) + 1
     pairs = {(s, t)}
-    for a in range(max(s - step, FEWEST_IN_FRAME), min(s + step, m - FEWEST_IN_FRAME) + 1):
-        for b in range(max(t - step, a + FEWEST_IN_FRAME), min(t + step, m) + 1):
+    for a in range(max(s - step, FRAME.fewest), min(s + step, m - FRAME.fewest) + 1):
+        for b in range(max(t - step, a + FRAME.fewest), min(t + step, m) + 1):
             pairs.add((a, b))
     return sorted(pairs)
 
@@ -440,7 +460,7 @@ def untold_load(rows: FitRows) -> UntoldLoad | None:
     """
     torque = _of_unit_weight(rows)
     every = np.ones(len(torque), dtype=bool)
-    return _likeliest(rows, torque, every, [(every, 0.0, LOAD_EXPLAINS)])
+    return _likeliest(rows, torque, every, [(every, 0.0, WEIGHT.explains)])
 
 
 def _of_unit_weight(rows: FitRows) -> Array:
@@ -502,8 +522,10 @@ def _is_whole(rows: FitRows, under: Array, of_load: Array, found: UntoldLoad) ->
     k, d = np.split(each.values, 2)
     alike = rows.explained(np.concatenate([without, (load @ k)[..., None]], axis=-1), by)
     share, std = abs(float(alike.values[-1])), float(alike.std[-1])
-    is_none = share < LIKE_NONE * std and (np.abs(d) < LIKE_NONE * each.std[len(k) :]).all()
-    return bool(is_none and share + SURE * std < HARDLY_LOADED)
+    is_none = (
+        share < WEIGHT.like_none * std and (np.abs(d) < WEIGHT.like_none * each.std[len(k) :]).all()
+    )
+    return bool(is_none and share + WEIGHT.sure * std < WEIGHT.hardly)
 
 
 def _likeliest(
@@ -517,14 +539,14 @@ def _likeliest(
         among: Which poses (m,) may be under them.
         parts: Parts of the day, see `_parts_of_day`.
     """
-    turned = np.flatnonzero(np.ptp(torque, axis=0) > SAME_LOAD)
+    turned = np.flatnonzero(np.ptp(torque, axis=0) > WEIGHT.same)
     if not len(turned) or rows.dof(len(turned)) < len(turned):
         return None
     bent = rows.motion * torque[:, None]
     # Of a weight at the tool, in the units of these torques.
     under = torque.any(axis=1)
     lever = np.linalg.norm(_of_unit_weight(rows)[under])
-    usual = USUAL_BEND * float(lever / np.linalg.norm(torque))
+    usual = WEIGHT.usual_bend * float(lever / np.linalg.norm(torque))
     parts = parts + _parts_of_day(rows, bent[..., turned], among)
     told = [_judged(rows, bent, turned, usual, *one) for one in parts]
     found = [one for one in told if one is not None]
@@ -544,13 +566,13 @@ def _judged(
     bent = bent * loaded[:, None, None]
     noise = rows.noise_beside(bent[..., turned])
     every = rows.explained(bent[..., turned], rows.weighed(noise))
-    giving = turned[every.values > SURE * every.std]
+    giving = turned[every.values > WEIGHT.sure * every.std]
     if not len(giving):
         return None
     columns = bent[..., giving]
     explained, chance = shares_of(rows, columns, noise)
     chance += log_tries
-    if explained < least or chance > np.log(UNLIKELY_LOAD):
+    if explained < least or chance > np.log(WEIGHT.unlikely):
         return None
     names = tuple(rows.scene.robot.joint_names[j] for j in giving)
     return UntoldLoad(columns, usual, log_tries, names, explained, loaded, chance)
@@ -571,7 +593,7 @@ def shares_of(rows: FitRows, columns: Array, noise: PositionNoise) -> tuple[floa
     found = rows.explained(columns, rows.weighed(noise)).share
     explained = rows.explained(columns, rows.weighed(None)).share
     count = columns.shape[-1]
-    independent = max(rows.dof(count) / LOAD_COORDINATES, 1.0)
+    independent = max(rows.dof(count) / WEIGHT.coordinates, 1.0)
     return explained, log_chance(found, count, independent)
 
 
@@ -582,25 +604,25 @@ def _parts_of_day(rows: FitRows, bent: Array, among: Mask) -> list[tuple[Mask, f
         The masks, logarithms of how many such there are, and the share that each has to explain.
     """
     m = int(among.sum())
-    if m < 2 * FEWEST_LOADED:
+    if m < 2 * WEIGHT.fewest:
         return []
     # The poses that may be under it by number, and -1 for all others.
     each = np.where(among, among.cumsum() - 1, -1)
     turns = [among & (each % 2 == i) for i in (0, 1)]
-    breaks = range(FEWEST_LOADED, m - FEWEST_LOADED + 1)
+    breaks = range(WEIGHT.fewest, m - WEIGHT.fewest + 1)
     halves = [mask & among for s in breaks for mask in (each >= s, each < s)]
     day = _LoadedPoses.of(rows, bent)
     half = min(halves, key=day.left)
     turn = min(turns, key=day.left)
     rng = np.random.default_rng(0)
-    starts = [half, turn, *(among & (rng.random((STARTS, len(among))) < 0.5))]
+    starts = [half, turn, *(among & (rng.random((WEIGHT.starts, len(among))) < 0.5))]
     free = min((day.settled(start, among) for start in starts), key=day.left)
     found = [
-        (one, float(np.log(tries)), LOAD_EXPLAINS)
+        (one, float(np.log(tries)), WEIGHT.explains)
         for one, tries in ((half, len(halves)), (turn, len(turns)))
     ]
-    if FEWEST_LOADED <= free.sum() <= m - FEWEST_LOADED:
-        found.append((free, m * float(np.log(2.0)), CHOSEN_EXPLAINS))
+    if WEIGHT.fewest <= free.sum() <= m - WEIGHT.fewest:
+        found.append((free, m * float(np.log(2.0)), WEIGHT.chosen_explains))
     return found
 
 
@@ -642,7 +664,7 @@ class _LoadedPoses:
 
     def settled(self, loaded: Mask, among: Mask) -> Mask:
         """The poses (m,) of some that fit better under the weight, told in turn with its size."""
-        for _ in range(WEIGHT_ROUNDS):
+        for _ in range(WEIGHT.rounds):
             apart, size = self._apart(loaded)
             bend = self.C @ size
             without = apart + bend * loaded[:, None]
@@ -704,7 +726,7 @@ def _explaining(
     columns = family.derivative_at_zero(rows.scene.k)
     size = max(float(np.linalg.norm(columns)), 1e-300)
     left = float(np.linalg.norm(rows.left(columns, alike))) / size
-    if left < SEEN_BESIDE or rows.dof(family.dims) < 2 * family.dims:
+    if left < WEIGHT.seen_beside or rows.dof(family.dims) < 2 * family.dims:
         return None
     # The noise is fitted anew for those alone that explain enough.
     alone = rows.explained(columns, read)
@@ -713,7 +735,7 @@ def _explaining(
         return None
     noise = rows.noise_beside(columns)
     chance = shares_of(rows, columns, noise)[1] + log_tries
-    if chance > np.log(UNLIKELY_LOAD):
+    if chance > np.log(WEIGHT.unlikely):
         return None
     told = rows.explained(columns, rows.weighed(noise))
     size = float(told.values[0] if family.dims == 1 else np.linalg.norm(told.values))

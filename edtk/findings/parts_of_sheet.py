@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 
+from criteria.linalg.inverse import TINY
 from edtk.findings.causes.faults import UNITS
 from edtk.findings.nonlinear_part import known_part
 from edtk.fit.measurements import Measurements
@@ -15,17 +16,25 @@ from edtk.system.typing import Array, Indices, Mask
 
 LENGTHS = ("metres", "centimetres", "inches", "micrometres")
 FORCES = ("kilonewtons", "kilograms", "pounds")
-FEWEST_IN_PART = 2  # rows: one alone is an outlier
-TOLD_APART = 10  # rounds of telling the rows and the compliances, in turn
-SAME_UNIT = 1.2  # factor up to which a ratio of two loads is that of a unit
-# Factor up to which displacements of a part are, beside what springs move there, those of the rest:
-# a unit that makes numbers small makes any of them fit.
-LIKE_THE_REST = 5.0
-# Loads of one day that differ by more are in another unit.
-MOST_LOAD = 3.0
-LOADS = 25  # up to this, over the written ones, of which the best one is refined
-SINGULAR = 1e-12  # of the largest eigenvalue: below it springs are not told
-TINY = 1e-300  # in place of nothing, which nothing is divided by
+
+
+@dataclass(frozen=True)
+class PartsOfSheet:
+    """How rows are told that are in another unit than the others."""
+
+    fewest: int = 2  # rows: one alone is an outlier
+    rounds: int = 10  # rounds of telling the rows and the compliances, in turn
+    same_unit: float = 1.2  # factor up to which a ratio of two loads is that of a unit
+    # Factor up to which displacements of a part are, beside what springs move there, those of the
+    # rest: a unit that makes numbers small makes any of them fit.
+    like_the_rest: float = 5.0
+    # Loads of one day that differ by more are in another unit.
+    most_load: float = 3.0
+    loads: int = 25  # up to this, over the written ones, of which the best one is refined
+    singular: float = 1e-12  # of the largest eigenvalue: below it springs are not told
+
+
+PARTS = PartsOfSheet()
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +131,7 @@ class _Scaled:
     def rows(self, factor: float) -> Mask | None:
         """The rows (m,) that fit best so: from one on, up to one, or any; None of too few rows."""
         m = len(self.y)
-        if m < 2 * FEWEST_IN_PART:
+        if m < 2 * PARTS.fewest:
             return None
         each = np.arange(m)
         own, levers = (
@@ -132,7 +141,7 @@ class _Scaled:
         by_size = np.argsort(sizes if factor > 1 else -sizes, kind="stable")
         found = [self._first(order, factor) for order in (each, each[::-1], by_size)]
         found.append(self._settled(found[-1], factor))
-        sound = [one for one in found if FEWEST_IN_PART <= one.sum() <= m - FEWEST_IN_PART]
+        sound = [one for one in found if PARTS.fewest <= one.sum() <= m - PARTS.fewest]
         return min(sound, key=partial(self._cost, factor), default=None)
 
     def _first(self, order: Indices, factor: float) -> Mask:
@@ -143,15 +152,15 @@ class _Scaled:
         squares = (self.y**2).sum() + (factor**2 - 1) * (own**2).sum(axis=1)[order].cumsum()
         count = self.lengths.sum(axis=1)[order].cumsum()
         cost = squares - (gradient**2).sum(axis=1) - 2 * np.log(factor) * count
-        last = slice(FEWEST_IN_PART - 1, len(order) - FEWEST_IN_PART)
+        last = slice(PARTS.fewest - 1, len(order) - PARTS.fewest)
         found = np.zeros(len(order), dtype=bool)
-        found[order[: FEWEST_IN_PART + int(cost[last].argmin())]] = True
+        found[order[: PARTS.fewest + int(cost[last].argmin())]] = True
         return found
 
     def _settled(self, rows: Mask, factor: float) -> Mask:
         """The rows that each fit better so, told in turn with the compliances."""
         count = self.lengths.sum(axis=1)
-        for _ in range(TOLD_APART):
+        for _ in range(PARTS.rounds):
             predicted = self.y_of(rows[:, None] & self.lengths, factor)[1]
             every = np.where(self.lengths, factor, 1.0) * self.y
             so = ((every - predicted) ** 2).sum(axis=1) - 2 * np.log(factor) * count
@@ -179,7 +188,9 @@ class _Scaled:
             / max(float(np.linalg.norm(self.levers[part])), TINY)
             for part in (scaled, self.lengths & ~scaled)
         ]
-        return 1 / LIKE_THE_REST < factor * sizes[0] / max(sizes[1], TINY) < LIKE_THE_REST
+        return (
+            1 / PARTS.like_the_rest < factor * sizes[0] / max(sizes[1], TINY) < PARTS.like_the_rest
+        )
 
 
 def _forces(data: Measurements) -> Iterator[Part]:
@@ -192,7 +203,7 @@ def _forces(data: Measurements) -> Iterator[Part]:
     middle = float(np.sqrt(loaded.max() * loaded.min()))
     for unit in FORCES:
         factor = float(UNITS[unit][0])
-        if not 1 / SAME_UNIT < ratio / factor < SAME_UNIT:
+        if not 1 / PARTS.same_unit < ratio / factor < PARTS.same_unit:
             continue
         rows = (size > 0) & (size < middle)
         wrench = np.where(rows, factor, 1.0)[:, None] * data.wrench
@@ -239,7 +250,7 @@ def rows_of_others(study: Study, data: Measurements, adjacent: bool) -> Iterator
         data: The measurements as they are written.
         adjacent: Whether rows follow each other as in the file.
     """
-    if len(data) < 2 * FEWEST_IN_PART:
+    if len(data) < 2 * PARTS.fewest:
         return
     own = _Sums.of(study, data)
     without = _Sums.of(study, replace(data, wrench=np.zeros_like(data.wrench)), own.norms)
@@ -267,14 +278,14 @@ def _under_other_loads(data: Measurements, own: "_Sums", without: "_Sums") -> Ot
 
     # A smaller load in one part is a larger one in the other: either order has both.
     order = np.arange(len(data))[::-1]
-    most = np.log(MOST_LOAD)
+    most = np.log(PARTS.most_load)
 
     def left(log_factor: float) -> float:
         return own.best_start(own.under(without, float(np.exp(log_factor))), order)[0]
 
-    tried = np.linspace(-most, most, LOADS)
+    tried = np.linspace(-most, most, PARTS.loads)
     best = int(np.argmin([left(one) for one in tried]))
-    near = (tried[max(best - 1, 0)], tried[min(best + 1, LOADS - 1)])
+    near = (tried[max(best - 1, 0)], tried[min(best + 1, PARTS.loads - 1)])
     factor = float(np.exp(minimize_scalar(left, bounds=near, options={"xatol": 1e-6}).x))
     count = own.best_start(own.under(without, factor), order)[1]
     if 2 * count > len(data):  # the smaller part is named
@@ -367,19 +378,19 @@ class _Sums:
             order: The rows, those first that are likeliest read so.
             but_last: Whether the last of those that are read so does not count.
         """
-        changed = order[: len(order) - FEWEST_IN_PART]
+        changed = order[: len(order) - PARTS.fewest]
         G, b, s = (
             (mine.sum(axis=0) + np.cumsum((its - mine)[changed], axis=0) - but_last * its[changed])[
-                FEWEST_IN_PART - 1 :
+                PARTS.fewest - 1 :
             ]
             for mine, its in zip(self._of_rows, other._of_rows, strict=True)
         )
         values, vectors = np.linalg.eigh(G)
         along = np.einsum("mpk,mp->mk", vectors, b)
-        told = values > SINGULAR * values[:, -1:]
+        told = values > PARTS.singular * values[:, -1:]
         left = s - np.where(told, along**2 / np.where(told, values, 1.0), 0.0).sum(axis=1)
         first = int(left.argmin())
-        return float(left[first]), FEWEST_IN_PART + first
+        return float(left[first]), PARTS.fewest + first
 
     @property
     def _of_rows(self) -> tuple[Array, Array, Array]:

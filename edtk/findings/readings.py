@@ -29,20 +29,32 @@ from edtk.measure.pose_table import (
 from edtk.study.study import Study
 from edtk.system.typing import Array, Indices, Mask
 
-MOST_EXCHANGED = 6  # of which each two may be exchanged
 OFFSETS_DEG = (90, -90, 180)  # by which zeros of joints differ between conventions
-MOST_OUTLIERS = 0.1  # share of the rows that may be outliers of a reading
-READING_ROUNDS = 10  # of finding outliers, which can hide each other
-OUTLIER = 25.0  # chi-square of a row from which it is one, of a thousand rows
-SUSPECT = 3.0  # residuals over sigma beyond which other readings are tried
-BETTER_READING = 3.0  # factor by which another reading must reduce the residuals
-LEAST_P = 1e-3  # probability of its residuals below which a reading does not explain them
-AS_LIKELY = 1e3  # ratio of likelihoods up to which the best reading is not better than another
-LEAST_FREEDOM = 3  # degrees of freedom from which residuals tell a good reading from a bad one
-BY_FAR = -3.0  # standard deviations below zero that no compliance can have
-MOST_CORRECTED = 12  # readings, the best ones, whose equilibrium is computed
-NAMED = 150  # characters of the readings that are named; of more, the number is said
-ENOUGH_ROWS = 1000  # rows on which readings are compared
+
+
+@dataclass(frozen=True)
+class OtherReadings:
+    """When another reading of the columns explains a sheet."""
+
+    most_exchanged: int = 6  # of which each two may be exchanged
+    most_outliers: float = 0.1  # share of the rows that may be outliers of a reading
+    rounds: int = 10  # of finding outliers, which can hide each other
+    outlier: float = 25.0  # chi-square of a row from which it is one, of a thousand rows
+    suspect: float = 3.0  # residuals over sigma beyond which other readings are tried
+    better: float = 3.0  # factor by which another reading must reduce the residuals
+    # Probability of its residuals below which a reading does not explain them.
+    least_p: float = 1e-3
+    # Ratio of likelihoods up to which the best reading is not better than another.
+    as_likely: float = 1e3
+    # Degrees of freedom from which residuals tell a good reading from a bad one.
+    least_freedom: int = 3
+    by_far: float = -3.0  # standard deviations below zero that no compliance can have
+    most_corrected: int = 12  # readings, the best ones, whose equilibrium is computed
+    named: int = 150  # characters of the readings that are named; of more, the number is said
+    enough_rows: int = 1000  # rows on which readings are compared
+
+
+OTHER = OtherReadings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +198,7 @@ def _swapped_markers(study: Study, data: Measurements) -> Iterator[Reading]:
     index = np.zeros(len(data), dtype=int) if data.sensor is None else data.sensor
     which = row_numbers(index[:, None], data.marker)
     first = np.unique(which, return_index=True)[1]
-    if not 1 < len(first) <= MOST_EXCHANGED:
+    if not 1 < len(first) <= OTHER.most_exchanged:
         return
     model = study.model
     for i, j in combinations(range(len(first)), 2):
@@ -285,7 +297,9 @@ def _rows(study: Study, data: Measurements, kept: Indices) -> Iterator[Reading]:
         told = {"factor": other.factor, "step": other.step}
         finding = Finding.of(Severity.ALARM, WORDING, other.kind, rows=rows, **told)
         # A row that does not count has any reading, as an outlier has.
-        yield Reading(finding, other.data, -OUTLIER * (len(data) - len(other.data)), other.anew)
+        yield Reading(
+            finding, other.data, -OTHER.outlier * (len(data) - len(other.data)), other.anew
+        )
 
 
 def _free(study: Study) -> list[int]:
@@ -369,13 +383,13 @@ class Refit:
         """
         data, anew = self.reading.data, self.reading.anew
         refit, kept = self, np.arange(len(data))
-        for _ in range(READING_ROUNDS):
+        for _ in range(OTHER.rounds):
             left = refit.reading.data
             outliers = refit._outliers(study)
             if not len(outliers):
                 break
             rest = np.delete(np.arange(len(left)), outliers)
-            if len(rest) < (1 - MOST_OUTLIERS) * len(data):
+            if len(rest) < (1 - OTHER.most_outliers) * len(data):
                 return self
             kept = kept[rest]
             refit = Refit.of(study, replace(self.reading, data=left[rest])).corrected(study)
@@ -399,7 +413,7 @@ class Refit:
 
         The costs of two readings differ by the logarithm of their likelihood ratio, twice.
         """
-        return self.chi2 + OUTLIER * self.left_out - self.reading.density
+        return self.chi2 + OTHER.outlier * self.left_out - self.reading.density
 
     @property
     def size(self) -> float:
@@ -428,7 +442,7 @@ class Explanation:
     @property
     def certain(self) -> bool:
         """Whether the noise explains what a reading leaves."""
-        return any(refit.p > LEAST_P for refit in self.refits)
+        return any(refit.p > OTHER.least_p for refit in self.refits)
 
     @property
     def finding(self) -> Finding | None:
@@ -460,23 +474,23 @@ def explanation(study: Study, data: Measurements, fit: Identification) -> Explan
         The readings that explain them; None where they fit as they are, or where there are too few
         to tell a reading that fits from one that does not.
     """
-    only_signs = fit.dof < LEAST_FREEDOM
-    if only_signs and not (fit.unbounded < BY_FAR * fit.std).all():
+    only_signs = fit.dof < OTHER.least_freedom
+    if only_signs and not (fit.unbounded < OTHER.by_far * fit.std).all():
         return None
-    kept = some_rows(len(data), ENOUGH_ROWS)
+    kept = some_rows(len(data), OTHER.enough_rows)
     if len(kept) < len(data):
         data = data[kept]
     given = Refit.of(study, Reading(Finding.of(Severity.ALARM, WORDING, "as_given"), data))
-    if not SUSPECT < given.size < np.inf:
+    if not OTHER.suspect < given.size < np.inf:
         return None
     given = given.corrected(study)
-    if not given.size > SUSPECT:
+    if not given.size > OTHER.suspect:
         return None
     every = readings(study, data, only_signs)
     if not only_signs:
         every = chain(every, _parts(study, data, kept), _rows(study, data, kept))
     tried = [Refit.of(study, reading) for reading in every]
-    return Explanation(given, _equally_good(study, tried, given.size / BETTER_READING))
+    return Explanation(given, _equally_good(study, tried, given.size / OTHER.better))
 
 
 def _equally_good(study: Study, tried: list[Refit], most: float) -> tuple[Refit, ...]:
@@ -484,12 +498,14 @@ def _equally_good(study: Study, tried: list[Refit], most: float) -> tuple[Refit,
     better = [refit for refit in tried if refit.size <= most]
     if not better:
         return ()
-    enough = sorted(refit.chi2 for refit in better)[:MOST_CORRECTED][-1]
+    enough = sorted(refit.chi2 for refit in better)[: OTHER.most_corrected][-1]
     corrected = [refit.corrected(study) for refit in better if refit.chi2 <= enough]
-    found = [refit if refit.p > LEAST_P else refit.without_outliers(study) for refit in corrected]
+    found = [
+        refit if refit.p > OTHER.least_p else refit.without_outliers(study) for refit in corrected
+    ]
     best = min(refit.cost for refit in found)
-    equal = [refit for refit in found if refit.cost <= best + 2 * np.log(AS_LIKELY)]
-    equal = [refit for refit in equal if refit.size <= SUSPECT]
+    equal = [refit for refit in found if refit.cost <= best + 2 * np.log(OTHER.as_likely)]
+    equal = [refit for refit in equal if refit.size <= OTHER.suspect]
     return tuple(refit for refit in equal if not any(_is_simpler(other, refit) for other in equal))
 
 
@@ -569,7 +585,7 @@ def _several_readings(data: Data) -> str:
     short = [clause.replace(" measured with the opposite sign", " reversed") for clause in clauses]
     named = short[:1]
     for clause in short[1:]:
-        if len("; or ".join([*named, clause])) <= NAMED:
+        if len("; or ".join([*named, clause])) <= OTHER.named:
             named.append(clause)
     left = len(short) - len(named)
     more = f"; or {left} other reading{'s' * (left > 1)}" if left else ""

@@ -8,7 +8,7 @@ import numpy as np
 
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
 from edtk.findings.match_plan import pairs, resolution
-from edtk.findings.springs import CHANCE
+from edtk.findings.springs import DOUBTS
 from edtk.fit.distributions import poisson_tail
 from edtk.fit.fitted_geometry import GeometricFit
 from edtk.fit.marker_positions import MarkerPositions
@@ -19,25 +19,43 @@ from edtk.study.study_model import on_robot
 from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices, Mask
 
-SCATTERS = 10.0  # times its usual scatter a distance has changed
-SHAPE = 2e-4  # [m] below it a change of a distance is left to the fit
 EXPLAINED = 0.25  # of the change remains, where markers were swapped
-ORDERS_ALIKE = 3.0  # times the least remaining change, two orders explain it alike
 MOST_MARKERS = 5  # whose orders are tried
-CLEARLY_NEARER = 0.5  # times nearer to others, another visit shows the tool better
-AGREE = 0.4  # of the visits, at least, that show the tool as it is
-FEWEST_OF_TOOL = 5  # visits that can tell how it is
-MOST_SHAPES = 200  # visits whose shape is tried as that of all
-STILL = 0.01  # of the way that others move: a point that moves less stands on the base
-FAR_STANDING = 0.02  # [m] others have to move by as much
 # Times the reach, or twice the usual distance from the middle: no marker is there.
 BEYOND_REACH = 3.0
 SAME_PLACE = 1e-7  # [m] two markers as near are one: the last digit of any instrument is larger
 FEWEST_COPIES = 2  # visits that two markers share
-FAR_FROM_STUDY = 0.1  # [m] no guess of where a marker is on a tool is as wrong
-ON_MARKER = 1e-3  # [m] nearer than this two readings are of one point
-FLOOR = 1e-4  # [m] below it a motion of a point on the base is that of the floor
-SWAPPED_BY = 0.01  # [m] markers that are as far off may have been swapped
+
+
+@dataclass(frozen=True)
+class StandingPoints:
+    """When a point stands on the base, and what its motions are."""
+
+    still: float = 0.01  # of the way that others move: a point that moves less stands on the base
+    far: float = 0.02  # [m] others have to move by as much
+    far_from_study: float = 0.1  # [m] no guess of where a marker is on a tool is as wrong
+    on_marker: float = 1e-3  # [m] nearer than this two readings are of one point
+    floor: float = 1e-4  # [m] below it a motion of a point on the base is that of the floor
+    swapped_by: float = 0.01  # [m] markers that are as far off may have been swapped
+
+
+STANDING = StandingPoints()
+
+
+@dataclass(frozen=True)
+class ShapeOfTool:
+    """When distances between the markers of a tool have changed, and what explains it."""
+
+    scatters: float = 10.0  # times its usual scatter a distance has changed
+    least: float = 2e-4  # [m] below it a change of a distance is left to the fit
+    orders_alike: float = 3.0  # times the least remaining change, two orders explain it alike
+    clearly_nearer: float = 0.5  # times nearer to others, another visit shows the tool better
+    agree: float = 0.4  # of the visits, at least, that show the tool as it is
+    fewest: int = 5  # visits that can tell how it is
+    most_tried: int = 200  # visits whose shape is tried as that of all
+
+
+TOOL = ShapeOfTool()
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +95,7 @@ def rigid_tool(data: MarkerPositions) -> RigidTool:
         data: All visits; fewer than three markers tell nothing of which one is wrong.
     """
     k = len(data.markers)
-    if k < 3 or len(data) < FEWEST_OF_TOOL:
+    if k < 3 or len(data) < TOOL.fewest:
         return RigidTool()
     x = data.measured
     apart = np.linalg.norm(x[:, :, None] - x[:, None], axis=-1)
@@ -103,15 +121,15 @@ def _usual(apart: Array) -> tuple[Array, Array]:
     whole = np.flatnonzero(np.isfinite(apart).all(axis=(1, 2)))
     if not len(whole):
         return np.full(apart.shape[1:], np.nan), np.full(apart.shape[1:], np.inf)
-    tried = whole[np.unique(np.linspace(0, len(whole) - 1, MOST_SHAPES).round().astype(int))]
+    tried = whole[np.unique(np.linspace(0, len(whole) - 1, TOOL.most_tried).round().astype(int))]
     best = np.inf
     usual = apart[tried[0]]
     near: Mask = np.ones(len(whole), dtype=bool)
     for visit in tried:
         differ = np.abs(apart[whole] - apart[visit]).max(axis=(1, 2))
-        share = max(float(np.quantile(differ, AGREE)), SHAPE / 2)
+        share = max(float(np.quantile(differ, TOOL.agree)), TOOL.least / 2)
         # Where two halves of the visits differ, the first of them counts as the usual one.
-        if share < CLEARLY_NEARER * best:
+        if share < TOOL.clearly_nearer * best:
             best = share
             near = differ <= share
     # The nearest visits understate the scatter; all that are within many times of it do not.
@@ -119,7 +137,7 @@ def _usual(apart: Array) -> tuple[Array, Array]:
     for _ in range(3):
         usual = np.median(apart[whole][near], axis=0)
         scatter = 1.4826 * np.median(np.abs(apart[whole][near] - usual), axis=0)
-        least = np.maximum(SCATTERS * scatter, SHAPE)
+        least = np.maximum(TOOL.scatters * scatter, TOOL.least)
         near = (np.abs(apart[whole] - usual) <= least).all(axis=(1, 2))
     return usual, least
 
@@ -135,7 +153,7 @@ def _order(apart: Array, usual: Array) -> tuple[int, ...]:
         for order in permutations(range(k))
     }
     # Of orders that explain a tool of two or three equal sides alike, that with fewest exchanges.
-    likely = max(ORDERS_ALIKE * min(sizes.values()), SHAPE)
+    likely = max(TOOL.orders_alike * min(sizes.values()), TOOL.least)
     alike = [order for order, size in sizes.items() if size <= likely]
     best = min(alike, key=lambda order: (sum(i != j for i, j in enumerate(order)), sizes[order]))
     return best if sizes[best] < EXPLAINED * sizes[plain] else plain
@@ -170,7 +188,11 @@ def with_standing(
         own = x[:, i][np.isfinite(x[:, i]).all(axis=-1)]
         moves[i] = np.median(np.linalg.norm(own - np.median(own, axis=0), axis=-1))
     most = moves.max(initial=0.0)
-    still = [i for i in range(k) if seen[i] > 1 and most > FAR_STANDING and moves[i] < STILL * most]
+    still = [
+        i
+        for i in range(k)
+        if seen[i] > 1 and most > STANDING.far and moves[i] < STANDING.still * most
+    ]
     if not still:
         return setting, data, []
     moved = range(len(setting.markers))
@@ -256,7 +278,7 @@ def refuse_copied_visits(data: MarkerPositions, sigma: float, path: Path) -> Non
     step = resolution(1e3 * data.measured[lengths]) / 1e3
     agree = min(step / (2 * np.sqrt(np.pi) * sigma), 1.0) ** lengths.sum(axis=(1, 2)).min()
     expected = float(pairs(data.pose) * agree)
-    if float(poisson_tail(len(copies) - 1, expected)) > CHANCE:
+    if float(poisson_tail(len(copies) - 1, expected)) > DOUBTS.chance:
         return
     later = copies[0]
     rows = [
@@ -327,7 +349,7 @@ def marker_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     if exchanged:
         data = {"markers": tuple(exchanged), "off_mm": float(apart.max())}
         return [Finding.of(Severity.WARNING, WORDING, "swapped_names", **data)]
-    far = np.flatnonzero(apart > MM * FAR_FROM_STUDY)
+    far = np.flatnonzero(apart > MM * STANDING.far_from_study)
     if not len(far):
         return []
     worst = int(np.argmax(apart))
@@ -345,7 +367,7 @@ def _order_of_places(placed: Array, stated: Array) -> tuple[int, ...]:
     k = len(placed)
     plain = tuple(range(k))
     own = float(np.linalg.norm(placed - stated, axis=1).max())
-    if not 1 < k <= MOST_MARKERS or own < SWAPPED_BY:
+    if not 1 < k <= MOST_MARKERS or own < STANDING.swapped_by:
         return plain
     sizes = {
         order: float(np.linalg.norm(placed - stated[list(order)], axis=1).max())
@@ -386,7 +408,7 @@ def reference_points(points: MarkerPositions, tool: MarkerPositions) -> Referenc
     place = np.nanmedian(points.measured, axis=0)
     apart = np.linalg.norm(points.measured - place, axis=-1)
     usual = 1.4826 * np.nanmedian(apart, axis=0)
-    moved: Mask = apart > np.maximum(SCATTERS * usual, FLOOR)
+    moved: Mask = apart > np.maximum(TOOL.scatters * usual, STANDING.floor)
     together = (moved.sum(axis=1) > points.seen.sum(axis=1) / 2) & (points.seen.sum(axis=1) > 2)
     findings = []
     if together.any():
@@ -406,7 +428,10 @@ def _moved_alone(
 ) -> list[Finding]:
     """The findings that name the visits in which one point is elsewhere, by where it is."""
     here = np.linalg.norm(tool.measured[visits] - points.measured[visits, i, None], axis=-1)
-    on = [int(np.nanargmin(one)) if np.nanmin(one, initial=1.0) < ON_MARKER else -1 for one in here]
+    on = [
+        int(np.nanargmin(one)) if np.nanmin(one, initial=1.0) < STANDING.on_marker else -1
+        for one in here
+    ]
     found = []
     for marker in sorted(set(on)):
         chosen = np.flatnonzero(np.array(on) == marker)

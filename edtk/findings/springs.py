@@ -1,6 +1,7 @@
 """Everything that looks wrong in measurements, and what is certainly wrong first."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,16 +30,26 @@ from edtk.measure.pose_table import pose_columns, pose_factors
 from edtk.robots.robot import Robot, shown_limits
 from edtk.system.typing import Array
 
-LITTLE = 0.5  # error with compensation over that without, from which a person is told
-FAR_BELOW_ZERO = -3.0  # standard deviations that noise does not explain
-WEAK = 0.5  # standard deviation over the compliance above which it might as well be zero
-HARDLY_APART = 0.99  # correlation above which two parameters are hardly told apart
-MUCH_WIDER = 5.0  # growth of a standard deviation by which a parameter rests on a pose
-STANDS_STILL = 1e-6  # [rad or m] a joint that moves less stands still
 MOST_NAMED = 2  # open directions that are named in full
 MOST_LETTERS = 120  # of their names together
-UNKNOWN = 1e3  # growth of a standard deviation beyond which a parameter is as good as unknown
-CHANCE = 1e-3  # probability of equal rows up to which they are copies
+
+
+@dataclass(frozen=True)
+class Doubts:
+    """From where on springs are doubted."""
+
+    little: float = 0.5  # error with compensation over that without, from which a person is told
+    far_below_zero: float = -3.0  # standard deviations that noise does not explain
+    weak: float = 0.5  # standard deviation over the compliance above which it might as well be zero
+    hardly_apart: float = 0.99  # correlation above which two parameters are hardly told apart
+    much_wider: float = 5.0  # growth of a standard deviation by which a parameter rests on a pose
+    stands_still: float = 1e-6  # [rad or m] a joint that moves less stands still
+    # Growth of a standard deviation beyond which a parameter is as good as unknown.
+    unknown: float = 1e3
+    chance: float = 1e-3  # probability of equal rows up to which they are copies
+
+
+DOUBTS = Doubts()
 
 
 def budget_findings(budget: ErrorBudget | None) -> Iterator[Finding]:
@@ -46,7 +57,7 @@ def budget_findings(budget: ErrorBudget | None) -> Iterator[Finding]:
 
     One that leaves more than half of the error is worth a note, as the budget says what to improve.
     """
-    if budget is None or budget.total <= LITTLE * budget.uncompensated:
+    if budget is None or budget.total <= DOUBTS.little * budget.uncompensated:
         return
     data = {
         "total": budget.total,
@@ -120,10 +131,10 @@ def sign_findings(fitted: FittedData) -> Iterator[Finding]:
         zip(fitted.study.model.parameters, fit.unbounded.tolist(), fit.std.tolist(), strict=True)
     )
     for name, k, std in estimates:
-        if k < min(FAR_BELOW_ZERO * std, 0):
+        if k < min(DOUBTS.far_below_zero * std, 0):
             yield _of(Severity.ALARM, "far_below_zero", name, k, std)
     for name, k, std in estimates:
-        if FAR_BELOW_ZERO * std <= k < std / WEAK:
+        if DOUBTS.far_below_zero * std <= k < std / DOUBTS.weak:
             yield _of(Severity.WARNING, "near_zero", name, k, std)
 
 
@@ -163,7 +174,7 @@ def _alike(fitted: FittedData) -> Iterator[Finding]:
     """The two parameters that are hardest to tell apart."""
     fit = fitted.fit
     off = np.abs(fit.correlation - np.eye(len(fit.k)))
-    if off.max() > HARDLY_APART:
+    if off.max() > DOUBTS.hardly_apart:
         i, j = np.unravel_index(int(off.argmax()), off.shape)
         names = fitted.study.model.parameters
         yield Finding.of(
@@ -186,14 +197,14 @@ def _alone(fitted: FittedData) -> Iterator[Finding]:
     growth = fitted.left_out.growth()
     resting: dict[tuple[int, ...], list[int]] = {}
     for i, of_parameter in enumerate(growth.T):
-        poses = tuple(np.flatnonzero(of_parameter >= MUCH_WIDER**2).tolist())
+        poses = tuple(np.flatnonzero(of_parameter >= DOUBTS.much_wider**2).tolist())
         if poses:
             resting.setdefault(poses, []).append(i)
     names = fitted.study.model.parameters
     for poses, members in resting.items():
         rows = np.flatnonzero(np.isin(fitted.data.pose, poses))
         times = float(np.sqrt(growth[np.ix_(poses, members)].min()))
-        data = {"poses": len(poses), "times": times, "unknown": times > UNKNOWN}
+        data = {"poses": len(poses), "times": times, "unknown": times > DOUBTS.unknown}
         named = tuple(names[i] for i in members)
         yield Finding.of(
             Severity.NOTE, WORDING, "one_pose", rows=tuple(rows.tolist()), parameters=named, **data
@@ -213,7 +224,7 @@ def _linear_model(fitted: FittedData, rho0_bias: float | None) -> Iterator[Findi
 
 def still_joints(robot: Robot, q: Array) -> tuple[str, ...]:
     """The joints that stand still in all poses (m, n); none where all do."""
-    still = np.ptp(q, axis=0) <= STANDS_STILL
+    still = np.ptp(q, axis=0) <= DOUBTS.stands_still
     names = [name for name, is_still in zip(robot.joint_names, still, strict=True) if is_still]
     return () if len(names) == robot.n else tuple(names)
 
@@ -375,7 +386,7 @@ def _beyond_limits(data: Data) -> str:
 def copied_rows(fitted: FittedData) -> Finding | None:
     """Find rows that are the same, if they are more than coarse readings explain."""
     found = fitted.equal_rows
-    if found is None or found.chance > CHANCE:
+    if found is None or found.chance > DOUBTS.chance:
         return None
     return Finding.of(
         Severity.ALARM,

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from edtk.findings.counting import ALIKE, MUCH_BETTER
+from edtk.findings.counting import SEARCH
 from edtk.findings.gross_errors import DEGREE
 from edtk.fit.marker_positions import MarkerPositions, turn_columns
 from edtk.measure.pose_table import PoseTable, Table, pose_columns
@@ -75,13 +75,13 @@ def _of_marker(path: Table, robot: Robot, data: MarkerPositions, marker: int, vi
     fitting = [
         one
         for one in found
-        if one[0] < FAR_TURNED and one[1] < min(LARGE_DIFFERENCE, share / MUCH_BETTER)
+        if one[0] < FAR_TURNED and one[1] < min(LARGE_DIFFERENCE, share / SEARCH.much_better)
     ]
     if not fitting:
         return ""
     least = min(one[1] for one in fitting)
     # Quaternions in another order are, but for base and tool, those of the inverse.
-    _, _, turned, counted = next(one for one in fitting if one[1] <= ALIKE * least)
+    _, _, turned, counted = next(one for one in fitting if one[1] <= SEARCH.alike * least)
     parts = [f"joint angles are taken as {counted}"] * bool(counted)
     parts += [f"orientations of {name} are taken as {turned}"] * bool(turned)
     return " and ".join(parts)

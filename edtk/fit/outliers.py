@@ -22,6 +22,26 @@ MOST_OUTLIERS = 20
 
 
 @dataclass(frozen=True)
+class HuberSteps:
+    """How Huber's estimate is found: fit and scale in turn."""
+
+    # Fit and scale in turn. Of 300 random fits half settled within 6 rounds and all but 7 within
+    # 14; those still changed after 20, by 0.3 % at most.
+    rounds: int = 20
+    tolerance: float = 1e-6
+    # Steps of one fit: half a dozen is the rule, more where few residuals are within the corner.
+    most_steps: int = 1000
+    step_tolerance: float = 1e-9  # of the corner, in orthonormal coordinates
+    step_rounding: float = 1e-14  # of the parameters, in orthonormal coordinates
+    loss_rounding: float = 1e-13  # of the loss, a sum over all rows
+    singular: float = 1e-9  # least eigenvalue of a curvature up to which Newton's step is not taken
+    block: int = 2**14  # rows at a time
+
+
+HUBER = HuberSteps()
+
+
+@dataclass(frozen=True)
 class LackOfFit:
     """Pure error against lack of fit.
 
@@ -213,17 +233,6 @@ def own_outliers(
 CORNER = 1.345
 # Median absolute value of a standard normal variable, inverted.
 MAD_TO_STD = 1.4826
-# Fit and scale in turn. Of 300 random fits half settled within 6 rounds and all but 7 within 14;
-# those still changed after 20, by 0.3 % at most.
-SCALE_ROUNDS = 20
-SCALE_TOLERANCE = 1e-6
-# Steps of one fit: half a dozen is the rule, more where few residuals are within the corner.
-MOST_STEPS = 1000
-STEP_TOLERANCE = 1e-9  # of the corner, in orthonormal coordinates
-STEP_ROUNDING = 1e-14  # of the parameters, in orthonormal coordinates
-LOSS_ROUNDING = 1e-13  # of the loss, a sum over all rows
-SINGULAR = 1e-9  # least eigenvalue of a curvature up to which Newton's step is not taken
-BLOCK = 2**14  # rows at a time
 # Residuals below this share of the largest measurement are rounding, and no noise.
 NO_NOISE = 1e-11
 
@@ -286,7 +295,7 @@ def fit_huber(
     p = len(R)
     x = np.maximum(start, least)
     scale = _scale(data.residuals(x), p)
-    for _ in range(1 if known else SCALE_ROUNDS):
+    for _ in range(1 if known else HUBER.rounds):
         size = 1.0 if known else scale
         if size <= NO_NOISE * np.abs(data.y).max():
             # Half of the residuals are rounding: the corner would be zero, and psi without a slope.
@@ -296,7 +305,7 @@ def fit_huber(
         residuals = data.residuals(x)
         before = scale
         scale = _scale(residuals, p)
-        if abs(scale - before) <= SCALE_TOLERANCE * before:
+        if abs(scale - before) <= HUBER.tolerance * before:
             break
     return HuberFit(x, scale, _inflation(residuals, p, corner))
 
@@ -327,8 +336,8 @@ class _Data:
 
     def blocks(self) -> Iterator[tuple[Array, Array]]:
         """Q and y, so many rows at a time that their residuals stay in the cache."""
-        for first in range(0, len(self.y), BLOCK):
-            rows = slice(first, first + BLOCK)
+        for first in range(0, len(self.y), HUBER.block):
+            rows = slice(first, first + HUBER.block)
             yield self.Q[rows], self.y[rows]
 
 
@@ -356,7 +365,7 @@ def _minimise(data: _Data, start: Array, corner: float, least: float) -> Array:
     """
     x = start
     here = _local(data, x, corner)
-    for _ in range(MOST_STEPS):
+    for _ in range(HUBER.most_steps):
         lower = _lowered(data, x, here, here.curvature, corner, least)
         if lower is None:
             majorant = _majorant(data, x, corner)
@@ -379,13 +388,13 @@ def _lowered(
         return None
     there = _local(data, moved, corner)
     # Near the minimum a step may lower the loss by less than the rounding of its sum.
-    return (moved, there) if there.loss <= here.loss * (1 + LOSS_ROUNDING) else None
+    return (moved, there) if there.loss <= here.loss * (1 + HUBER.loss_rounding) else None
 
 
 def _settled(R: Array, x: Array, moved: Array, corner: float) -> bool:
     """Whether a step is rounding: in orthonormal coordinates noise has the size of the corner."""
     step = np.abs(R @ (moved - x)).max()
-    return bool(step <= STEP_TOLERANCE * corner + STEP_ROUNDING * np.abs(R @ x).max())
+    return bool(step <= HUBER.step_tolerance * corner + HUBER.step_rounding * np.abs(R @ x).max())
 
 
 def _local(data: _Data, x: Array, corner: float) -> _Local:
@@ -418,7 +427,7 @@ def _majorant(data: _Data, x: Array, corner: float) -> Array:
 def _stepped(R: Array, x: Array, slope: Array, curvature: Array, least: float) -> Array | None:
     """The minimiser (p,) above the bound of a quadratic about x; None where it has none."""
     w, V = np.linalg.eigh(curvature)
-    if w[0] <= SINGULAR:
+    if w[0] <= HUBER.singular:
         return None
     if np.isneginf(least):
         return x + np.linalg.solve(R, V @ ((slope @ V) / w))

@@ -45,6 +45,34 @@ REFUSED = (
 )
 
 
+@dataclass(frozen=True)
+class Convergence:
+    """When a chain is long enough, and by how much it grows before."""
+
+    # Sokal's window: autocorrelations are summed up to the first lag beyond so many autocorrelation
+    # times. A longer window adds noise, a shorter one leaves correlation out.
+    window: float = 5.0
+    # Least excess of the variance of squared deviations. Normal samples have 2; a chain that jumps
+    # between two points has 0, which would make its error zero.
+    least_excess: float = 1e-3
+    # Steps between two reports of progress, and the least length that is checked for convergence.
+    block: int = 500
+    # Threshold of Vehtari et al. (2021).
+    most_r_hat: float = 1.01
+    # Autocorrelation times that are dropped from the head; walkers start near the posterior.
+    burn: float = 10.0
+    # Writing the chain to its file takes at most one part in so many of the time.
+    save_share: int = 10
+    # Where a chain is too short, its next length is the one predicted and a little more, for the
+    # prediction scatters; but at least and at most so many times the present one.
+    margin: float = 1.05
+    least_growth: float = 1.2
+    most_growth: int = 2
+
+
+ENOUGH = Convergence()
+
+
 class ChainFileFault(Enum):
     """Why a chain cannot be resumed from a file."""
 
@@ -231,27 +259,6 @@ def _backend(group: Any, shape: tuple[int, int], size: int) -> "emcee.backends.B
     return backend
 
 
-# Sokal's window: autocorrelations are summed up to the first lag beyond so many autocorrelation
-# times. A longer window adds noise, a shorter one leaves correlation out.
-WINDOW = 5.0
-# Least excess of the variance of squared deviations. Normal samples have 2; a chain that jumps
-# between two points has 0, which would make its error zero.
-LEAST_EXCESS = 1e-3
-# Steps between two reports of progress, and the least length that is checked for convergence.
-BLOCK = 500
-# Threshold of Vehtari et al. (2021).
-MOST_R_HAT = 1.01
-# Autocorrelation times that are dropped from the head; walkers start near the posterior.
-BURN = 10.0
-# Writing the chain to its file takes at most one part in so many of the time.
-SAVE_SHARE = 10
-# Where a chain is too short, its next length is the one predicted and a little more, for the
-# prediction scatters; but at least and at most so many times the present one.
-MARGIN = 1.05
-LEAST_GROWTH = 1.2
-MOST_GROWTH = 2
-
-
 def autocorrelation_time(x: Array) -> Array:
     """Steps between independent samples: ``1 + 2 sum rho(t)``, summed over Sokal's window.
 
@@ -274,7 +281,7 @@ def autocorrelation_time(x: Array) -> Array:
     covariance = irfft(spectrum, length, axis=0)[:steps]
     still = covariance[0] <= 0
     times = 2.0 * np.cumsum(covariance / np.where(still, 1.0, covariance[0]), axis=0) - 1.0
-    beyond = np.arange(steps)[:, None] >= WINDOW * times
+    beyond = np.arange(steps)[:, None] >= ENOUGH.window * times
     last = np.where(beyond.any(axis=0), beyond.argmax(axis=0), steps - 1)
     return np.where(still, np.inf, np.maximum(times[last, np.arange(times.shape[1])], 1.0))
 
@@ -321,7 +328,7 @@ def std_error(x: Array) -> Array:
     squares = (x - x.mean(axis=(0, 1))) ** 2
     mean = squares.mean(axis=(0, 1))
     relative = squares.var(axis=(0, 1)) / np.where(mean > 0, mean, 1.0) ** 2
-    excess = np.maximum(relative, LEAST_EXCESS)
+    excess = np.maximum(relative, ENOUGH.least_excess)
     return 0.5 * np.sqrt(excess * autocorrelation_time(squares) / np.prod(x.shape[:2]))
 
 
@@ -411,7 +418,7 @@ def run_chain(
     """
     stored = None if file is None else file.load(demand.accuracy, (start.shape[0], start.shape[1]))
     sampler, state = _begin(density, start, seed, stored)
-    goal = max(0 if stored is None else stored.goal, sampler.iteration, BLOCK)
+    goal = max(0 if stored is None else stored.goal, sampler.iteration, ENOUGH.block)
     run = _Run(sampler, file, demand.accuracy, progress)
     while True:
         state = run.advance(state, goal, demand.most)
@@ -464,11 +471,11 @@ class _Run:
         """Sample up to the goal, or the limit where that comes first; returns the last state."""
         end = min(goal, most)
         while self.sampler.iteration < end:
-            steps = min(BLOCK, end - self.sampler.iteration)
+            steps = min(ENOUGH.block, end - self.sampler.iteration)
             state = self.sampler.run_mcmc(state, steps, skip_initial_state_check=True)
             self.progress(self.sampler.iteration)
             waited = monotonic() - self.last_save
-            if self.sampler.iteration >= end or waited > SAVE_SHARE * self.save_duration:
+            if self.sampler.iteration >= end or waited > ENOUGH.save_share * self.save_duration:
                 self._save(goal)
         return state
 
@@ -484,19 +491,19 @@ class _Run:
 def _assess(density: Density, sampler: "emcee.EnsembleSampler", demand: Demand) -> Chain | int:
     """The chain if it is long enough, and else the length that it should have."""
     n = sampler.iteration
-    if n < BLOCK:
-        return BLOCK
+    if n < ENOUGH.block:
+        return ENOUGH.block
     x = density.parameters(sampler.get_chain())
     tau = autocorrelation_time(x)
     longest = tau.max()
     # A chain so short that ten times tau is most of it keeps its second half.
-    burn = int(np.ceil(min(BURN * longest, n / 2)))
+    burn = int(np.ceil(min(ENOUGH.burn * longest, n / 2)))
     kept = x[burn:]
     error = std_error(kept).max()
     r_hat = split_r_hat(kept)
-    if n > demand.length * longest and error <= demand.accuracy and r_hat.max() < MOST_R_HAT:
+    if n > demand.length * longest and error <= demand.accuracy and r_hat.max() < ENOUGH.most_r_hat:
         return Chain(kept, tau, r_hat, n)
     # The error falls with the root of the number of steps that are kept.
     for_accuracy = burn + (n - burn) * (error / demand.accuracy) ** 2
     need = max(for_accuracy, demand.length * longest)
-    return int(np.clip(MARGIN * need, LEAST_GROWTH * n, MOST_GROWTH * n))
+    return int(np.clip(ENOUGH.margin * need, ENOUGH.least_growth * n, ENOUGH.most_growth * n))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
@@ -103,22 +103,20 @@ class Columns(Protocol):
         """
 
 
-@dataclass(frozen=True, eq=False)
-class SpringColumns:
-    """How a tool point moves with compliances: the regressor, Eq. (4).
+def spring_columns(model: ElastostaticModel, wrench: Array, q: Array, turned: bool) -> Array:
+    """How a tool point moves with compliances: the regressor, Eq. (4), see `Columns`.
 
-    Attributes:
+    Args:
         model: The elastostatic model with the task's tool.
         wrench: The load (..., 6) or (6,) of the task [N, N m].
+        q: Poses (..., n) [rad or m].
+        turned: Whether the rotation of the tool counts, too.
+
+    Returns:
+        Rows (..., 3 or 6, p) [m, rad for 1 rad/(N m)].
     """
-
-    model: ElastostaticModel
-    wrench: Array
-
-    def __call__(self, q: Array, turned: bool) -> Array:
-        """Rows (..., 3 or 6, p) [m, rad for 1 rad/(N m)]."""
-        model = replace(self.model, rows="pose") if turned else self.model
-        return model.regressor(q, self.wrench)
+    own = replace(model, rows="pose") if turned else model
+    return own.regressor(q, wrench)
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,7 +249,7 @@ class Task:
     @cached_property
     def moved(self) -> Columns:
         """How what counts moves with the parameters."""
-        return SpringColumns(self.model, self.wrench) if self.columns is None else self.columns
+        return self.columns or partial(spring_columns, self.model, self.wrench)
 
     @cached_property
     def regressor(self) -> Array:

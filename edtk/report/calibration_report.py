@@ -1,7 +1,6 @@
 """The report of a calibration, and of its posterior, in one HTML file; the files beside it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -56,35 +55,16 @@ PICTURES = ("corner.png", "trace.png", "residuals.png")
 NOISE = {"sigma_ratio": "Noise over the stated one", "nu": "Degrees of freedom of Student's t"}
 
 
-@dataclass(frozen=True, eq=False)
-class PosteriorFigures:
-    """The pictures of one posterior.
-
-    Attributes:
-        corner: Each parameter, and each pair of them.
-        residuals: Residuals, and where new measurements would fall.
-        trace: The chain after burn-in; None of independent draws.
-    """
-
-    corner: "Figure"
-    residuals: "Figure"
-    trace: "Figure | None"
-
-    def captioned(self) -> "Iterator[tuple[str, Figure, str]]":
-        """Name of the file, picture and caption of each that there is."""
-        of = "The sampled posterior: each parameter, and each pair of them."
-        yield PICTURES[0], self.corner, of
-        yield PICTURES[2], self.residuals, "Posterior-predictive residuals, in units of the noise."
-        if self.trace is not None:
-            looks = "The chain after burn-in: it should look like noise, without drift."
-            yield PICTURES[1], self.trace, looks
-
-
-def posterior_figures(check: PosteriorCheck) -> PosteriorFigures:
-    """Draw a posterior."""
+def posterior_figures(check: PosteriorCheck) -> "Iterator[tuple[str, Figure, str]]":
+    """Name of the file, picture and caption of each picture of a posterior."""
     shown = LabelledSamples.of(check)
-    chain = None if check.posterior.weights is not None else _trace(check, shown)
-    return PosteriorFigures(_corner(check, shown), _residuals(check), chain)
+    pairs = "The sampled posterior: each parameter, and each pair of them."
+    yield "corner.png", _corner(check, shown), pairs
+    spread = "Posterior-predictive residuals, in units of the noise."
+    yield "residuals.png", _residuals(check), spread
+    if check.posterior.weights is None:  # else draws are independent
+        looks = "The chain after burn-in: it should look like noise, without drift."
+        yield "trace.png", _trace(check, shown), looks
 
 
 def _corner(check: PosteriorCheck, shown: LabelledSamples) -> "Figure":
@@ -128,8 +108,7 @@ def posterior_pictures(check: PosteriorCheck, folder: Path) -> dict[Path, Conten
         check: The posterior.
         folder: Folder of the pictures.
     """
-    pictures = posterior_figures(check).captioned()
-    return {folder / name: png(figure) for name, figure, _ in pictures}
+    return {folder / name: png(figure) for name, figure, _ in posterior_figures(check)}
 
 
 def posterior_section(check: PosteriorCheck) -> str:
@@ -145,8 +124,7 @@ def posterior_section(check: PosteriorCheck) -> str:
         parts.append(paragraph(text))
     if check.pose is not None:
         parts.append(paragraph(_test_pose(check.pose)))
-    pictures = posterior_figures(check).captioned()
-    parts += [picture(figure, caption) for _, figure, caption in pictures]
+    parts += [picture(figure, caption) for _, figure, caption in posterior_figures(check)]
     return section("What does the posterior say?", *parts)
 
 

@@ -5,7 +5,7 @@ import importlib.metadata
 import inspect
 import json
 from collections.abc import Callable, Container, Iterable, Mapping
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -109,7 +109,7 @@ class Checkpoint:
             if out_of_time() and (answers or not is_first):
                 break
             names = missing[start : start + together]
-            limited = [_Limited(pieces[name], share * time_left()) for name in names]
+            limited = [partial(_limited, pieces[name], share * time_left()) for name in names]
             for i, (answer, was_cut) in workers.run(limited):
                 if was_cut or names[i] in resting_on_cut:
                     cut.add(names[i])
@@ -133,23 +133,11 @@ class Checkpoint:
                 path.unlink()
 
 
-@dataclass(frozen=True)
-class _Limited:
-    """A piece of work with a limit of time, as a piece for any process.
-
-    Attributes:
-        piece: The work.
-        seconds: Its time [s].
-    """
-
-    piece: Callable[[], dict[str, Any]]
-    seconds: float
-
-    def __call__(self) -> tuple[dict[str, Any], bool]:
-        """The answer, and whether it was cut off."""
-        with time_limit(self.seconds) as limit:
-            answer = self.piece()
-        return answer, limit.cut
+def _limited(piece: Callable[[], dict[str, Any]], seconds: float) -> tuple[dict[str, Any], bool]:
+    """The answer of a piece of work with a limit of time [s], and whether it was cut off."""
+    with time_limit(seconds) as limit:
+        answer = piece()
+    return answer, limit.cut
 
 
 def checkpoint_of(

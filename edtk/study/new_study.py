@@ -17,33 +17,42 @@ from edtk.study.study_toml import inline, toml_text
 from edtk.system.errors import UserError
 from edtk.system.typing import Array, Mask
 
-SAMPLES = 4096  # poses within the limits, from which all choices are made
 GRAVITY = 9.81  # [m/s^2]
-# Rated payloads beside the cube of the reach [kg/m^3], of data sheets: IRB 4600-20/2.5 1.3, KR 5
-# arc 1.8, IRB 1600-6/1.45 2.0, UR10 4.6, Panda 4.8, Z1 5, KR 210 L150 5, UR5 8, KR 270 14, KR 6
-# R700 17, iiwa 14 25. A load that nobody has given is one that the weakest of them carries.
-CAREFUL_PER_REACH = 1.3
-TYPICAL_PER_REACH = 5.0  # of these, for gears that are made up
 PAYLOADS = (0.2, 1000.0)  # [kg]
-LEVER = 0.12  # of the tool point from the last axis, and along it, beside the reach
-# Motion of the tool by way of a joint, beside the largest: below it an axis is upright but for the
-# digits of its file, as with a quarter turn of 1.5708.
-UNLOADED = 1e-4
 HEIGHTS = (0.15, 0.0)  # least heights of the tool point beside the reach, the first that leaves
 RADII = (0.25, 0.1)  # room; and least distances from the vertical axis through the base
-ROOM = 0.15  # share of the poses that a constraint has to leave
-MIDDLE = 0.3  # of a joint's range, to each side of its middle, for the test pose
 TYPED = {"revolute": 5.0, "prismatic": 10.0}  # steps of the test pose [deg, mm]
 BENT = {"revolute": 1e-3, "prismatic": 2e-4}  # of a gear by a usual load [rad, m]
-BEST = 50  # sampled poses among which the rounded test pose is chosen
 COLUMN = 33  # characters before comments
 DECIDE = "DECIDE:"  # marks what only the engineer knows
-LEAST_SIZE = 4
-LEAST_RANGE = 10.0  # of a joint, beside the margin
-WRIST = 3  # joints at most that turn in a wrist
 
 
 TURN = 2 * np.pi  # of a joint that turns on and on, no more than a turn counts
+
+
+@dataclass(frozen=True)
+class SuggestedStudy:
+    """How a first study suits a robot of which only the chain is known."""
+
+    samples: int = 4096  # poses within the limits, from which all choices are made
+    # Rated payloads beside the cube of the reach [kg/m^3], of data sheets: IRB 4600-20/2.5 1.3, KR
+    # 5 arc 1.8, IRB 1600-6/1.45 2.0, UR10 4.6, Panda 4.8, Z1 5, KR 210 L150 5, UR5 8, KR 270 14, KR
+    # 6 R700 17, iiwa 14 25. A load that nobody has given is one that the weakest of them carries.
+    careful_per_reach: float = 1.3
+    typical_per_reach: float = 5.0  # of these, for gears that are made up
+    lever: float = 0.12  # of the tool point from the last axis, and along it, beside the reach
+    # Motion of the tool by way of a joint, beside the largest: below it an axis is upright but for
+    # the digits of its file, as with a quarter turn of 1.5708.
+    unloaded: float = 1e-4
+    room: float = 0.15  # share of the poses that a constraint has to leave
+    middle: float = 0.3  # of a joint's range, to each side of its middle, for the test pose
+    best: int = 50  # sampled poses among which the rounded test pose is chosen
+    least_size: int = 4
+    least_range: float = 10.0  # of a joint, beside the margin
+    wrist: int = 3  # joints at most that turn in a wrist
+
+
+SUGGESTED = SuggestedStudy()
 
 
 @dataclass(frozen=True)
@@ -101,12 +110,14 @@ def first_choices(robot: Robot, payload: float | None = None) -> FirstChoices:
         raise UserError("the flange does not move; expected a robot with links", where=robot.name)
     tool_mm = _tool(robot, flange, reach)
     robot = robot.with_tool(transform(np.array(tool_mm) / 1e3))
-    carried = _rounded_down(CAREFUL_PER_REACH * reach**3, 1) if payload is None else payload
-    typical = TYPICAL_PER_REACH * reach**3 if payload is None else payload
+    carried = (
+        _rounded_down(SUGGESTED.careful_per_reach * reach**3, 1) if payload is None else payload
+    )
+    typical = SUGGESTED.typical_per_reach * reach**3 if payload is None else payload
     carried = float(np.clip(carried, *PAYLOADS)) if payload is None else carried
     force = _force(robot, q, carried)
     moved = _moved(robot, q, force)
-    idle = moved.max(axis=0) <= UNLOADED * moved.max()
+    idle = moved.max(axis=0) <= SUGGESTED.unloaded * moved.max()
     if idle.all():
         raise UserError("no load turns a joint of this robot", where=robot.name)
     fixed = _fixed(robot, idle)
@@ -139,14 +150,14 @@ def _first_of_arm(robot: Robot) -> int:
     How far a track goes says nothing of what the arm on it carries.
     """
     turning = [j for j, joint in enumerate(robot.joints) if _kind(joint) == "revolute"]
-    return turning[0] if len(turning) > WRIST else 0
+    return turning[0] if len(turning) > SUGGESTED.wrist else 0
 
 
 def _spread(robot: Robot) -> Array:
     """Poses (s, n) that are spread evenly over the limits [rad or m]."""
     from scipy.stats import qmc
 
-    cube = qmc.Sobol(robot.n, seed=0).random(SAMPLES)
+    cube = qmc.Sobol(robot.n, seed=0).random(SUGGESTED.samples)
     middle, half = _range(robot)
     q = np.asarray(middle + half * (2 * cube - 1))
     possible = robot.bounds.coupled.hold(q)
@@ -168,7 +179,7 @@ def _range(robot: Robot) -> tuple[Array, Array]:
 def _tool(robot: Robot, flange: Frames, reach: float) -> tuple[float, ...]:
     """A tool point as far from the last axis as along it, away from the arm (3,) [mm]."""
     step = 10.0 if reach > 0.3 else 1.0
-    lever = max(step, step * round(1e3 * LEVER * reach / step))
+    lever = max(step, step * round(1e3 * SUGGESTED.lever * reach / step))
     last = robot.flange[:3, :3].T @ robot.joints[-1].axis
     across = np.eye(3)[int(np.abs(last).argmin())]
     along = np.eye(3)[int(np.abs(last).argmax())]
@@ -190,7 +201,7 @@ def _force(robot: Robot, q: Array, payload: float) -> Array:
     size = _rounded_down(GRAVITY * payload, 3)
     down = np.array([0, 0, -size, 0, 0, 0])
     moved = _moved(robot, q, down).max(axis=0)
-    felt = (moved > UNLOADED * moved.max()) & (moved > 0)
+    felt = (moved > SUGGESTED.unloaded * moved.max()) & (moved > 0)
     if 2 * felt.sum() >= robot.n:
         return down
     return np.array([size, 0, 0, 0, 0, 0])
@@ -237,7 +248,7 @@ def _constraint(
     for share in shares:
         bound = step * round(1e3 * share * reach / step)
         left = room & (1e3 * values > bound)
-        if left.mean() >= ROOM:
+        if left.mean() >= SUGGESTED.room:
             return left, bound
     return room, None
 
@@ -266,10 +277,10 @@ def _test_pose(robot: Robot, q: Array, force: Array, free: list[int]) -> tuple[f
     of the most that it is loaded anywhere.
     """
     middle, half = _range(robot)
-    central = (np.abs(q - middle)[:, free] <= 2 * MIDDLE * half[free]).all(axis=1)
+    central = (np.abs(q - middle)[:, free] <= 2 * SUGGESTED.middle * half[free]).all(axis=1)
     chosen = q[central] if central.any() else q
     most = _moved(robot, q, force)[:, free].max(axis=0)
-    best = chosen[np.argsort(-_score(robot, chosen, force, free, most))[:BEST]]
+    best = chosen[np.argsort(-_score(robot, chosen, force, free, most))[: SUGGESTED.best]]
     steps = np.array([TYPED[_kind(joint)] for joint in robot.joints])
     shown = in_file_units(robot, best)
     rounded = shown.copy()
@@ -344,7 +355,7 @@ def _head(
 ) -> list[str]:
     """Title, robot, and what is searched for."""
     title = " ".join(robot.name.split())
-    least = max(LEAST_SIZE, -(-len(found.compliance) // 3) + 1)
+    least = max(SUGGESTED.least_size, -(-len(found.compliance) // 3) + 1)
     ends = {f"{end}_link": link for end, link in zip(("base", "tip"), links, strict=True) if link}
     return [
         f"# {title}: which poses to measure under load, to find the joints' compliances.",
@@ -440,7 +451,7 @@ def _margins(robot: Robot, found: FirstChoices) -> dict[str, float]:
     for kind, (key, margin, unit) in MARGINS.items():
         moving = [j for j in robot.joints if j.kind == kind and j.name not in found.fixed]
         least = min((joint.limits[1] - joint.limits[0] for joint in moving), default=0.0)
-        if least > LEAST_RANGE * margin * unit:
+        if least > SUGGESTED.least_range * margin * unit:
             margins[key] = margin
     return margins
 

@@ -25,17 +25,28 @@ KEY_OF_LIST = "noise.tracker_places_mm"
 KEY_OF_MOUNTS = "marker"
 NO_PLAN = "no place of the box from which the search began has a plan"
 KEY_OF_BOX = "noise.tracker_box_mm"
-RANKED_POSES = 1000  # poses whose best weights say how good a place is
-DRAWN = 5  # the logarithm to the base 2 of places that are drawn in a box, beside its corners
-DESCENTS = 2  # from the best of these
-ROUNDS = 4  # of a descent: the place for the design, the design for the place
-PLACES_TRIED = 40  # places that are tried for a design
-NEAR = 0.01  # of the box: how near they are in the end, where they differ by less than a gain
-GAIN_OF_ROUND = 1e-4  # relative: what a round must gain for another one
-FIRST_STEP = 0.2  # of the box
-SHARE_OF_RANKING = 0.3  # of the time in a box: which of its places promise most
-SHARE_OF_DESCENTS = 0.5  # of the rest: where these lead to
-MOST = 200  # places times mounts, each of which has a plan of its own
+
+
+@dataclass(frozen=True)
+class SearchOfPlaces:
+    """How places of a tracker are searched."""
+
+    poses: int = 1000  # poses whose best weights say how good a place is
+    # The logarithm to the base 2 of places that are drawn in a box, beside its corners.
+    drawn: int = 5
+    descents: int = 2  # from the best of these
+    rounds: int = 4  # of a descent: the place for the design, the design for the place
+    tried: int = 40  # places that are tried for a design
+    # Of the box: how near they are in the end, where they differ by less than a gain.
+    near: float = 0.01
+    gain: float = 1e-4  # relative: what a round must gain for another one
+    first_step: float = 0.2  # of the box
+    for_ranking: float = 0.3  # of the time in a box: which of its places promise most
+    for_descents: float = 0.5  # of the rest: where these lead to
+    most: int = 200  # places times mounts, each of which has a plan of its own
+
+
+SEARCH = SearchOfPlaces()
 
 
 class Setup(NamedTuple):
@@ -118,8 +129,8 @@ class Places:
             raise ArgumentError(message, argument="place_tracker", where=study.where)
         stands = places if places or box else (today,)
         count = prod(map(len, listed.values())) * max(1, len(stands))
-        if count > MOST:
-            message = f"{count} places and mounts together; expected {MOST} at most"
+        if count > SEARCH.most:
+            message = f"{count} places and mounts together; expected {SEARCH.most} at most"
             raise ArgumentError(message, argument="place_tracker", where=study.where)
         directions = [map(np.array, one) for one in product(*listed.values())]
         mounts = tuple(dict(zip(listed, one, strict=True)) for one in directions)
@@ -245,11 +256,11 @@ class PlaceSearch:
         ranked: list[tuple[float, int, Array, RelaxedPlan]] = []
         interrupted = False
         try:
-            with time_limit(SHARE_OF_RANKING * time_left()):
+            with time_limit(SEARCH.for_ranking * time_left()):
                 self._rank(drawn, ranked)
             ranked.sort(key=lambda one: one[:2])
-            with time_limit(SHARE_OF_DESCENTS * time_left()):
-                best = ranked[:DESCENTS]
+            with time_limit(SEARCH.for_descents * time_left()):
+                best = ranked[: SEARCH.descents]
                 ends = [self._descended(place, design, box) for _, _, place, design in best]
         except KeyboardInterrupt:
             if not ranked:
@@ -283,13 +294,13 @@ class PlaceSearch:
 
     def _descended(self, place: Array, design: RelaxedPlan, box: Array) -> tuple[float, Array]:
         """Cost and place at which neither a place nor weights lower the cost any more."""
-        for turn in range(ROUNDS):
+        for turn in range(SEARCH.rounds):
             if out_of_time():
                 break
             self.progress(f"place and poses in turn, {turn + 1}", turn)
             there, _ = self._best_place(place, design, box)
             better = self._weights(there)
-            if better is None or not better.cost < design.cost * (1 - GAIN_OF_ROUND):
+            if better is None or not better.cost < design.cost * (1 - SEARCH.gain):
                 break
             place, design = there, better
         return float(design.cost), place
@@ -298,11 +309,11 @@ class PlaceSearch:
         """The best plan near a place of the box, and its place."""
         found = self.planned(self._at(place))
         try:
-            for _ in range(ROUNDS):
+            for _ in range(SEARCH.rounds):
                 if _is_over(found):
                     break
                 there, cost = self._best_place(place, found.whole, box)
-                if not cost < found.cost * (1 - GAIN_OF_ROUND):
+                if not cost < found.cost * (1 - SEARCH.gain):
                     break
                 again = self.planned(self._at(there))
                 if again.cost >= found.cost:
@@ -337,7 +348,7 @@ class PlaceSearch:
         now = cost(start)
         if not len(start):
             return place, now
-        step = FIRST_STEP * size[moved]
+        step = SEARCH.first_step * size[moved]
         inwards = np.where(start + step > box[1][moved], -step, step)
         found = minimize(
             cost,
@@ -347,9 +358,9 @@ class PlaceSearch:
             bounds=list(zip(*box[:, moved], strict=True)),
             options={
                 "initial_simplex": np.vstack([start, start + np.diag(inwards)]),
-                "maxfev": PLACES_TRIED,
-                "xatol": max(MILLIMETRE, NEAR * size.max()),
-                "fatol": GAIN_OF_ROUND * now,
+                "maxfev": SEARCH.tried,
+                "xatol": max(MILLIMETRE, SEARCH.near * size.max()),
+                "fatol": SEARCH.gain * now,
             },
         )
         there = place.copy()
@@ -368,7 +379,7 @@ def _drawn(box: Array, seed: int) -> Array:
 
     lower, upper = box
     corners = np.array(list(product(*zip(lower, upper, strict=True))))
-    spread = qmc.Sobol(3, seed=seed).random_base2(DRAWN)
+    spread = qmc.Sobol(3, seed=seed).random_base2(SEARCH.drawn)
     inside = lower + (upper - lower) * spread
     every = np.concatenate([box.mean(axis=0)[None], corners, inside])
     every = np.array([_to_the_millimetre(place, box) for place in every])

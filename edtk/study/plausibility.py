@@ -1,6 +1,7 @@
 """What in a study or in the promise of a plan is hard to believe: a unit, most of the time."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import chain, islice
 
 import numpy as np
@@ -19,34 +20,44 @@ from edtk.study.study_objects import StudyObjects
 from edtk.study.tables_of_task import Tool
 from edtk.system.typing import Array, Indices
 
-# The longest serial arms reach 5 m, painting and erection robots 15 m; in millimetres already a
-# desk-top arm would have links of 200.
-LONGEST_LINKS = 50.0  # [m]
-# The smallest reflector of a laser tracker has a radius of 6.35 mm: nearer no marker gets. In
-# metres a tool of up to 3 m would be given by so small a number.
-SHORTEST_TOOL = 3e-3  # [m]
-SMALL_ARM = 0.3  # total length of links up to which a tool may be so small [m]
-LONGEST_TOOL = 3.0  # length of a tool beside that of all links
-TYPED = 0.05  # step of angles that people type [deg]
-LEAST_ANGLE = 0.5  # the largest angle of a pose in radians that is not a pose at rest
-# Gears are chosen so that full load turns them by minutes of arc: 1e-3 rad a joint, and the tool by
-# up to three such turns times the reach.
-SAG = 3e-3  # deflection beside the reach
-INTERFEROMETER = 1e-7  # no device measures displacements of a robot better, in air [m]
-ON_AXIS = 5e-3  # least lever of a joint, below the radius of the smallest reflector [m]
-JUDGED_POSES = 255  # poses within the joint limits in which loads are judged
-UPRIGHT = 0.5  # share of a load along z, from which it counts as up or down
 MOST_NAMED = 4
-SEVERAL = 3.0  # times the error in the test pose: plans for all parameters have about the same
-# A plan that suits all parameters gives each a standard deviation of two to ten times the best that
-# it could have alone; thirty times is that of a thousandth of the experiments.
-HARDLY_EXCITED = 30.0
-UNCERTAIN = 0.5  # standard deviation beside the parameter itself, where that is known
-TRIED_EXPERIMENTS = 300  # among which the best experiment for each parameter is looked for
 
 
 # Radians of a test pose are within one turn, and have digits that nobody types in degrees.
 ONE_TURN = 2 * np.pi
+
+
+@dataclass(frozen=True)
+class Plausible:
+    """What arms, tools, loads and noises are like; beyond that a study is hard to believe."""
+
+    # The longest serial arms reach 5 m, painting and erection robots 15 m; in millimetres already a
+    # desk-top arm would have links of 200.
+    longest_links: float = 50.0  # [m]
+    # The smallest reflector of a laser tracker has a radius of 6.35 mm: nearer no marker gets. In
+    # metres a tool of up to 3 m would be given by so small a number.
+    shortest_tool: float = 3e-3  # [m]
+    small_arm: float = 0.3  # total length of links up to which a tool may be so small [m]
+    longest_tool: float = 3.0  # length of a tool beside that of all links
+    typed: float = 0.05  # step of angles that people type [deg]
+    least_angle: float = 0.5  # the largest angle of a pose in radians that is not a pose at rest
+    # Gears are chosen so that full load turns them by minutes of arc: 1e-3 rad a joint, and the
+    # tool by up to three such turns times the reach.
+    sag: float = 3e-3  # deflection beside the reach
+    interferometer: float = 1e-7  # no device measures displacements of a robot better, in air [m]
+    on_axis: float = 5e-3  # least lever of a joint, below the radius of the smallest reflector [m]
+    judged_poses: int = 255  # poses within the joint limits in which loads are judged
+    upright: float = 0.5  # share of a load along z, from which it counts as up or down
+    # Times the error in the test pose: plans for all parameters have about the same.
+    several: float = 3.0
+    # A plan that suits all parameters gives each a standard deviation of two to ten times the best
+    # that it could have alone; thirty times is that of a thousandth of the experiments.
+    hardly_excited: float = 30.0
+    uncertain: float = 0.5  # standard deviation beside the parameter itself, where that is known
+    tried: int = 300  # among which the best experiment for each parameter is looked for
+
+
+PLAUSIBLE = Plausible()
 
 
 def plausibility(study: StudyObjects) -> tuple[Finding, ...]:
@@ -59,7 +70,7 @@ def plausibility(study: StudyObjects) -> tuple[Finding, ...]:
         The findings, whose words name the key.
     """
     length = length_of_links(study)
-    if length > LONGEST_LINKS:
+    if length > PLAUSIBLE.longest_links:
         # Nothing else can be judged by such an arm.
         return (Finding.of(Severity.WARNING, WORDING, "long_links", length=length),)
     checks = (_tools, _markers, _pose_unit, _upwards, _in_cell, *study.kind.hard_to_believe)
@@ -90,9 +101,9 @@ def _tools(study: StudyObjects) -> Iterator[Finding]:
         seen.append(tool)
         length = float(np.linalg.norm(tool[:3, 3]))
         there = {"key": key, "length": length, "place": study.robot.tool_is_from}
-        if 0 < length < SHORTEST_TOOL and links > SMALL_ARM:
+        if 0 < length < PLAUSIBLE.shortest_tool and links > PLAUSIBLE.small_arm:
             yield Finding.of(Severity.WARNING, WORDING, "short_tool", **there)
-        elif length > LONGEST_TOOL * links > 0:
+        elif length > PLAUSIBLE.longest_tool * links > 0:
             yield Finding.of(Severity.WARNING, WORDING, "long_tool", links=links, **there)
 
 
@@ -125,11 +136,11 @@ def _unit_of_pose(study: StudyObjects, q_deg: Array, key: str) -> Iterator[Findi
 def is_like_radians(angles: Array) -> bool:
     """Whether the angles (n,) of one pose are small, and of more digits than people type [deg]."""
     moved = angles[angles != 0]
-    odd = np.abs(moved / TYPED - np.round(moved / TYPED)) > 1e-6
+    odd = np.abs(moved / PLAUSIBLE.typed - np.round(moved / PLAUSIBLE.typed)) > 1e-6
     small = bool((np.abs(angles) <= ONE_TURN).all())
     # Three joints at least: with fewer, small odd angles may well be degrees.
     many = odd.sum() >= max(3, len(moved) / 2)
-    return small and bool(many) and float(np.abs(moved).max()) >= LEAST_ANGLE
+    return small and bool(many) and float(np.abs(moved).max()) >= PLAUSIBLE.least_angle
 
 
 def _upwards(study: StudyObjects) -> Iterator[Finding]:
@@ -139,7 +150,10 @@ def _upwards(study: StudyObjects) -> Iterator[Finding]:
     if not isinstance(force, list | tuple) or len(force) != 3:
         return
     up = force[2]
-    if isinstance(up, int | float) and up >= UPRIGHT * np.linalg.norm(np.array(force, float)) > 0:
+    if (
+        isinstance(up, int | float)
+        and up >= PLAUSIBLE.upright * np.linalg.norm(np.array(force, float)) > 0
+    ):
         yield Finding.of(Severity.WARNING, WORDING, "upward_load", force=up)
 
 
@@ -165,7 +179,7 @@ def doubtful_noise(study: StudyObjects) -> Iterator[Finding]:
     """Noise beside the deflection under load, which is what is measured."""
     sigma = study.least_error(anywhere(study)[:, : study.robot.n])
     name = "measurement.sigma_mm" if study.noise is None else "noise"
-    if sigma < INTERFEROMETER:
+    if sigma < PLAUSIBLE.interferometer:
         yield Finding.of(Severity.WARNING, WORDING, "fine_noise", key=name, sigma=sigma)
     A, _ = _sampled(study)
     k = own_scale(study)
@@ -174,7 +188,7 @@ def doubtful_noise(study: StudyObjects) -> Iterator[Finding]:
         bent = float(np.linalg.norm(A @ k, axis=1).max())
     else:
         soft = float((SOFTEST * np.linalg.norm(A, axis=1)).sum(axis=-1).max())
-        bent = min(SAG * length_of_links(study), soft)
+        bent = min(PLAUSIBLE.sag * length_of_links(study), soft)
     if 0 < bent <= sigma:
         yield Finding.of(
             Severity.WARNING, WORDING, "coarse_noise", key=name, sigma=sigma, bent=bent, known=known
@@ -188,7 +202,7 @@ def idle_axes(study: StudyObjects) -> Iterator[Finding]:
     A, size = _sampled(study)
     # A column is torque times lever, of order force times lever squared.
     lever = np.sqrt(np.linalg.norm(A, axis=1).max(axis=0) / size)
-    names = np.array(study.specification.joints.unknown)[lever < ON_AXIS]
+    names = np.array(study.specification.joints.unknown)[lever < PLAUSIBLE.on_axis]
     if len(names):
         yield Finding.of(Severity.WARNING, WORDING, "no_lever", joints=tuple(names.tolist()))
 
@@ -198,7 +212,7 @@ def _sampled(study: StudyObjects) -> tuple[Array, float]:
 
     Of the tool point they have the position rows alone (s, 3, p).
     """
-    plan = study.space.plan(anywhere(study), np.ones(JUDGED_POSES, dtype=int))
+    plan = study.space.plan(anywhere(study), np.ones(PLAUSIBLE.judged_poses, dtype=int))
     force = np.linalg.norm(plan.wrench[:, :3], axis=1)
     torque = np.linalg.norm(plan.wrench[:, 3:], axis=1)
     load = float((force + torque / study.robot.reach).max())
@@ -212,7 +226,7 @@ def _sampled(study: StudyObjects) -> tuple[Array, float]:
 def anywhere(study: StudyObjects) -> Array:
     """Experiments (s, v) anywhere within the limits, feasible or not."""
     space = study.space
-    return space.draw(np.random.default_rng(0).random((JUDGED_POSES, len(space.drawn))))
+    return space.draw(np.random.default_rng(0).random((PLAUSIBLE.judged_poses, len(space.drawn))))
 
 
 def listed(names: Sequence[str]) -> str:
@@ -228,7 +242,7 @@ def poor_around(expected: ExpectedError) -> tuple[Finding, ...]:
         expected: Errors to expect of the plan.
     """
     # What is told exactly in a test pose is compared with nothing.
-    if not 0 < SEVERAL * expected.test_pose < expected.mean:
+    if not 0 < PLAUSIBLE.several * expected.test_pose < expected.mean:
         return ()
     return (
         Finding.of(
@@ -260,7 +274,7 @@ def plan_plausibility(
         cov = covariance(study.information(plan), study.model.parameters)
     except SingularPlanError as error:
         return tuple(_untold(study, error.parameters))
-    if length_of_links(study) > LONGEST_LINKS:
+    if length_of_links(study) > PLAUSIBLE.longest_links:
         return ()
     around = () if expected is None else poor_around(expected)
     return (*_useless(study, cov), *_hardly_excited(study, cov, plan.experiments), *around)
@@ -282,7 +296,7 @@ def _useless(study: StudyObjects, cov: Array) -> Iterator[Finding]:
     after = float(compensation_accuracy(A, cov))
     k = own_scale(study)
     known = bool(np.isfinite(k).all())
-    before = float(np.linalg.norm(A @ k)) if known else SAG * length_of_links(study)
+    before = float(np.linalg.norm(A @ k)) if known else PLAUSIBLE.sag * length_of_links(study)
     if 0 < before < after:
         yield Finding.of(
             Severity.WARNING,
@@ -302,10 +316,12 @@ def _hardly_excited(study: StudyObjects, cov: Array, experiments: int) -> Iterat
     ratio = std / _best_alone(study, anywhere(study), experiments)
     # Feasible poses tell less than any poses do; they are drawn, which may take seconds, only where
     # they could make a difference.
-    if (ratio[np.isnan(share)] > HARDLY_EXCITED).any():
+    if (ratio[np.isnan(share)] > PLAUSIBLE.hardly_excited).any():
         ratio = std / _best_alone(study, _candidates(study), experiments)
     # Beside its own size a parameter is judged by that, and else by what plans could do.
-    bad = np.flatnonzero(np.where(np.isfinite(share), share > UNCERTAIN, ratio > HARDLY_EXCITED))
+    bad = np.flatnonzero(
+        np.where(np.isfinite(share), share > PLAUSIBLE.uncertain, ratio > PLAUSIBLE.hardly_excited)
+    )
     if not len(bad):
         return
     yield Finding.of(
@@ -343,7 +359,7 @@ def _candidates(study: StudyObjects) -> Array:
     given = study.specification
     source = CandidateSource(study.space, (given.seed, 0), given.sampling)
     try:
-        return source.take(min(TRIED_EXPERIMENTS, given.candidates)).x
+        return source.take(min(PLAUSIBLE.tried, given.candidates)).x
     except EmptyFeasibleSetError:
         return np.empty((0, study.space.size))
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -167,7 +168,7 @@ def run_study(
     with study_errors(study):
         designs = designs_of(study)
         questions = _questions(designs)
-        report = _Steps(_count(designs, questions), options.progress)
+        report = _steps(_count(designs, questions), options.progress)
         report("questions")
         checkpoint = checkpoint_of(study, folder / "cases", designs.space)
         if fresh:
@@ -280,17 +281,10 @@ def _groups(designs: Designs, questions: list[Case]) -> list[tuple[list[Case], s
     return [(cases, criteria_of[key]) for key, cases in groups.items()]
 
 
-class _Steps:
+def _steps(total: int, progress: Progress) -> Callable[[str], object]:
     """Reports the share of the steps that are done."""
-
-    def __init__(self, total: int, progress: Progress) -> None:
-        self.total = total
-        self.done = 0
-        self.progress = progress
-
-    def __call__(self, label: str) -> None:
-        self.done += 1
-        self.progress(label, self.done / self.total)
+    done = count(1)
+    return lambda label: progress(label, next(done) / total)
 
 
 def _published_cases(plans: Mapping[str, Plan]) -> list[Case]:

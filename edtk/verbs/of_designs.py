@@ -201,7 +201,7 @@ class OfDesigns(Question):
     def _place_search(self, call: PlanCall, pool: Workers) -> "PlaceSearch":
         """What a search for a place asks of the study at each."""
         from edtk.design.relaxation.relaxed_plan import RelaxedPlan
-        from edtk.study.place_tracker import RANKED_POSES, PlaceSearch
+        from edtk.study.place_tracker import SEARCH, PlaceSearch
         from edtk.study.plan_study import RunOptions
 
         options = RunOptions(seed=call.seed, workers=pool, progress=call.progress)
@@ -216,7 +216,7 @@ class OfDesigns(Question):
 
         def relaxed(study: Study) -> RelaxedPlan:
             asked, criterion = asked_at(study)
-            few = min(asked.specification.candidates, RANKED_POSES)
+            few = min(asked.specification.candidates, SEARCH.poses)
             shared = call.size if self._knows(asked, criterion) else None
             return self._relaxed(asked, criterion, candidates=few, size=shared, options=quiet)
 

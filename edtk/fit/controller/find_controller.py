@@ -14,26 +14,35 @@ from edtk.system.errors import UserError
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 
-MOST_QUARTERS = 1024
 SPREAD = (16, 4, 1024)  # further offsets, spread evenly: 16 times 4 for each, at most 1024
-# Of all offsets those that begin best are improved a little, and of these a few to the end.
-BEGIN = 64
-SHORT = 6
-FINISH = 6
-LONG = 30
-MOST_TOGETHER = 100_000  # fits times positions: each takes some kilobytes
-POLISH = 40  # steps of the best fits
 MOST_JOINTS = 8  # that move; each doubles the signs to try
-MANY_POSITIONS = 12  # positions from which a part is enough to tell signs
-RANK = 1e-7  # share of a column that others do not explain, from which it is told
-CLEAR = 3.0  # factor of the rms by which every other way has to be worse
-SURE = 0.999
-MOST_OTHERS = 5
-FAR_OFF = 0.01  # rms beside the reach: nominal arms are wrong by a thousandth
-GENERIC = 5  # seeds of places at which the numbers that can be told are looked for
 
 
 QUARTERS = np.deg2rad([0.0, 90.0, 180.0, -90.0])  # zeros that makers choose
+
+
+@dataclass(frozen=True)
+class SearchOfOffsets:
+    """How offsets of joints are searched, and when a way to count is told."""
+
+    most_quarters: int = 1024
+    # Of all offsets those that begin best are improved a little, and of these a few to the end.
+    begin: int = 64
+    short: int = 6
+    finish: int = 6
+    long: int = 30
+    most_together: int = 100_000  # fits times positions: each takes some kilobytes
+    polish: int = 40  # steps of the best fits
+    many_positions: int = 12  # positions from which a part is enough to tell signs
+    rank: float = 1e-7  # share of a column that others do not explain, from which it is told
+    clear: float = 3.0  # factor of the rms by which every other way has to be worse
+    sure: float = 0.999
+    most_others: int = 5
+    far_off: float = 0.01  # rms beside the reach: nominal arms are wrong by a thousandth
+    generic: int = 5  # seeds of places at which the numbers that can be told are looked for
+
+
+SEARCH = SearchOfOffsets()
 
 
 def search(
@@ -56,15 +65,15 @@ def search(
     for way in ways:
         counting = np.broadcast_to(way.counting, (len(offsets), robot.n, robot.n))
         begun = place_frames(robot, Fits.at(counting, offsets, markers), positions)
-        lots.append(begun[np.argsort(begun.rms)[:BEGIN]])
+        lots.append(begun[np.argsort(begun.rms)[: SEARCH.begin]])
     size = len(lots[0])
-    together = max(1, MOST_TOGETHER // (size * len(positions)))
+    together = max(1, SEARCH.most_together // (size * len(positions)))
     found = []
     for first in range(0, len(lots), together):
         begun = Fits.joined(lots[first : first + together])
-        short = descend(robot, begun, positions, free, SHORT)
-        long = descend(robot, _best(short, size, FINISH), positions, free, LONG)
-        found.append(_best(long, min(size, FINISH), 1))
+        short = descend(robot, begun, positions, free, SEARCH.short)
+        long = descend(robot, _best(short, size, SEARCH.finish), positions, free, SEARCH.long)
+        found.append(_best(long, min(size, SEARCH.finish), 1))
     return Fits.joined(found)
 
 
@@ -86,7 +95,7 @@ def _offsets(robot: Robot, free: list[int]) -> Array:
     count = min(first * factor ** len(turning), most)
     spread = (2 * qmc.Sobol(len(turning), seed=0).random(count) - 1) * np.pi
     parts = [spread]
-    if len(QUARTERS) ** len(turning) <= MOST_QUARTERS:
+    if len(QUARTERS) ** len(turning) <= SEARCH.most_quarters:
         parts.append(np.array(list(product(QUARTERS, repeat=len(turning)))))
     values = np.concatenate(parts)
     offsets = np.zeros((len(values), robot.n))
@@ -214,7 +223,7 @@ def find_controller(robot: Robot, positions: Positions) -> FoundController:
         markers=positions.names,
         marker=fit.marker[0],
         base=_pose(fit),
-        far_off=best.rms > FAR_OFF * robot.reach,
+        far_off=best.rms > SEARCH.far_off * robot.reach,
     )
 
 
@@ -224,28 +233,28 @@ def _best_ways(
     """The best ways to count (indices), and their fits to all positions, the best first."""
     few = _few(positions, len(told))
     found = search(robot, ways, few, told)
-    order = np.argsort(found.rms, kind="stable")[: MOST_OTHERS + 1]
+    order = np.argsort(found.rms, kind="stable")[: SEARCH.most_others + 1]
     begun = found[order]
     if few is not positions:
         begun = Fits.at(begun.counting, begun.offset, len(positions.names))
         begun = place_frames(robot, begun, positions)
-    polished = descend(robot, begun, positions, told, POLISH)
+    polished = descend(robot, begun, positions, told, SEARCH.polish)
     ranked = np.argsort(polished.rms, kind="stable")
     return order[ranked], polished[ranked]
 
 
 def _few(positions: Positions, told: int) -> Positions:
     """A part of very many positions that tells as much about signs."""
-    if len(positions) <= MANY_POSITIONS:
+    if len(positions) <= SEARCH.many_positions:
         return positions
-    enough = 3 * min(len(positions.shown), MANY_POSITIONS) >= 2 * (told + 9)
+    enough = 3 * min(len(positions.shown), SEARCH.many_positions) >= 2 * (told + 9)
     one = int(np.bincount(positions.marker).argmax()) if enough else None
-    return positions.thinned(MANY_POSITIONS, one)
+    return positions.thinned(SEARCH.many_positions, one)
 
 
 def _worse(freedom: int) -> float:
     """Factor of the rms by which another way has to be worse, so that it is none."""
-    return max(CLEAR, float(np.sqrt(fisher_quantile(SURE, freedom, freedom))))
+    return max(SEARCH.clear, float(np.sqrt(fisher_quantile(SEARCH.sure, freedom, freedom))))
 
 
 def _pose(fit: Fits) -> Array:
@@ -271,7 +280,7 @@ def _alike(
         offset = one.sign * fit.offset + one.offset
         begun = replace(fit, counting=other.counting[None], offset=offset)
         turn = begun.turn @ one.turn.T
-        begun = descend(robot, replace(begun, turn=turn), positions, told, POLISH)
+        begun = descend(robot, replace(begun, turn=turn), positions, told, SEARCH.polish)
         rms = float(begun.rms[0])
         counted = Counted.of(robot, other, begun.offset[0], positions.shown, told, rms)
         found.append((counted, begun))
@@ -303,7 +312,7 @@ def _rest(column: Array, others: Array) -> float:
     if not others.size:
         return 1.0
     U, size, _ = np.linalg.svd(others, full_matrices=False)
-    U = U[:, size > RANK * size[0]]
+    U = U[:, size > SEARCH.rank * size[0]]
     return float(np.linalg.norm(column - U @ (U.T @ column)))
 
 
@@ -313,7 +322,7 @@ def _told(robot: Robot, positions: Positions) -> list[int]:
     The zero of the first joint turns the base, and that of the last one the tool, so that these
     are the ones that are left out.
     """
-    rng = np.random.default_rng(GENERIC)
+    rng = np.random.default_rng(SEARCH.generic)
     markers = len(positions.names)
     offset = rng.uniform(-1, 1, (1, robot.n))
     place = robot.reach * rng.uniform(-0.2, 0.2, (1, markers, 3))
@@ -322,7 +331,7 @@ def _told(robot: Robot, positions: Positions) -> list[int]:
     kept = J[:, robot.n :]
     told = []
     for j in [*range(1, robot.n - 1), *dict.fromkeys((0, robot.n - 1))]:
-        if _rest(J[:, j], kept) > RANK:
+        if _rest(J[:, j], kept) > SEARCH.rank:
             kept = np.column_stack([kept, J[:, j]])
             told.append(j)
     return sorted(told)
@@ -338,9 +347,9 @@ def _untold(robot: Robot, fit: Fits, positions: Positions, told: list[int]) -> d
         if j not in told:
             if j not in positions.moving:
                 why = "the joint stands still in all poses, so that its sign is not told either"
-            elif _rest(J[:, j], base) <= RANK:
+            elif _rest(J[:, j], base) <= SEARCH.rank:
                 why = "another zero turns or shifts the robot's base as a whole"
-            elif _rest(J[:, j], tool) <= RANK:
+            elif _rest(J[:, j], tool) <= SEARCH.rank:
                 why = "another zero turns or shifts the tool as a whole"
             else:
                 why = "another zero goes with those of other joints"
