@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -21,14 +21,13 @@ from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.design.relaxation.search_region import RegionGrid
 from edtk.design.theta_box import Robust, Shares, ThetaBox, WorstTheta
+from edtk.study.plan_study import Progress
 from edtk.system.errors import ArgumentError
 from edtk.system.time_limit import no_progress
 from edtk.system.typing import Array
 from edtk.verbs.inputs import CriterionLike
 
 Design = TypeVar("Design", bound=Relaxation | ProblemPlan | RelaxedRegion | RegionPlan)
-
-Progress = Callable[[str, float], object]
 
 ROUNDS = 60  # designs at most: five are the rule, of rivals some twenty
 ENOUGH = 5e-7  # part by which the worst theta may be worse than those of the list
@@ -122,11 +121,16 @@ def over_ranges(
         progress: Called with a line about the current step, and a number that goes with it.
         plans: Plans at most, each of which is a search of its own, where `solve` finds plans.
     """
-    ranges = _Ranges.of(question, asked, progress)
+    assert question.robust is not None
+    assert question.robust.box is not None
+    ranges = _Ranges(question.robust.box, None, asked, progress)
     thetas = [ranges.box.inside()]
-    if ranges.grid is not None:
-        on_grid = replace(ranges, box=ranges.grid, grid=None)
+    if isinstance(question, Region):
+        points = RegionGrid.of(question, GRID).x
+        grid = ranges.box.among(CandidateSites(points, question.variables, None))
+        on_grid = replace(ranges, box=grid)
         thetas, _ = on_grid.that_count(on_grid.served(relax, thetas))
+        ranges = replace(ranges, grid=grid)
     if not plans:
         return ranges.served(solve, thetas)
     weights = ranges.served(partial(best_weights, progress=progress), thetas)
@@ -153,18 +157,6 @@ class _Ranges:
     progress: Progress
     known: dict[Any, RelaxedDesign] = field(default_factory=dict)
 
-    @classmethod
-    def of(cls, question: Problem | Region, asked: CriterionLike, progress: Progress) -> Self:
-        """Those of a problem or a region."""
-        assert question.robust is not None
-        assert question.robust.box is not None
-        box = question.robust.box
-        grid = None
-        if isinstance(question, Region):
-            points = RegionGrid.of(question, GRID).x
-            grid = box.among(CandidateSites(points, question.variables, None))
-        return cls(box, grid, asked, progress)
-
     def own(self, among: ThetaBox[Any], theta: Array) -> criteria.Criterion:
         """The criterion of the model at one theta."""
         return criteria.as_criterion(
@@ -184,10 +176,6 @@ class _Ranges:
         sites = self.box if self.grid is None or isinstance(model, Region) else self.grid
         return found.cost, _shares(found, sites)
 
-    def worst(self, design: Shares, thetas: Sequence[Array]) -> tuple[Array, float]:
-        """The worst theta of a design, and its value; the search begins at some theta, too."""
-        return self.box.worst(design, self.own, self.optimum, thetas, self.grid)
-
     def served(
         self,
         solve: Callable[[Any, criteria.Criterion], Design],
@@ -202,6 +190,7 @@ class _Ranges:
             rounds: Designs at most. If they end before the worst theta is one of the list, it is
                 the best of these designs, beside the bound of its list.
         """
+        judges = (self.own, self.optimum)
         thetas = list(first)
         found: Design | None = None
         highest = 0.0
@@ -210,11 +199,11 @@ class _Ranges:
             criterion = criterion_of(self.asked, listed, lambda *own: self.best(*own).value)
             design = solve(listed, criterion)
             shares = _shares(design, self.box)
-            theta, value = self.worst(shares, thetas)
+            theta, value = self.box.worst(shares, *judges, thetas, self.grid)
             named = dict(zip(self.box.names, theta.tolist(), strict=True))
             worst = WorstTheta(named, value, np.array(thetas), self.box.what)
             design = replace(design, worst=worst)
-            of_list = self.box.values(np.array(thetas), shares, self.own, self.optimum).min()
+            of_list = self.box.values(np.array(thetas), shares, *judges).min()
             self.progress(f"{len(thetas)} theta together", float(1 - value / of_list))
             if value >= of_list * (1 - ENOUGH) or not self.box.is_new(theta, thetas):
                 return design
@@ -225,7 +214,7 @@ class _Ranges:
                 found, highest = design, value
             else:
                 near = shares.mixed(_shares(found, self.box), NEAR)
-                trials.append(self.worst(near, thetas)[0])
+                trials.append(self.box.worst(near, *judges, thetas, self.grid)[0])
             for one in trials:
                 if self.box.is_new(one, thetas):
                     thetas.append(one)
