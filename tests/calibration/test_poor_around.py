@@ -9,6 +9,7 @@ from loaded_arm import LOAD, STUDY
 import edtk
 from edtk.calibration.evaluate_geometry import GeometryDesigns
 from edtk.measure.expected_error import ExpectedError
+from edtk.study import plausibility
 from edtk.study.plausibility import poor_around
 
 HERE = ExpectedError(test_pose=1e-4, mean=3.1e-4, largest=5e-4, within=np.deg2rad(30), lever=0.0)
@@ -56,7 +57,7 @@ def test_plans_for_all_parameters_are_not_blamed() -> None:
 @pytest.mark.parametrize("criterion", ["rho0", "D"])
 def test_the_plan_says_so(criterion: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A plan for the test pose carries the sentence, where its numbers ask for it."""
-    monkeypatch.setattr("edtk.study.plausibility.SEVERAL", 0.01)
+    monkeypatch.setattr(plausibility, "PLAUSIBLE", replace(plausibility.PLAUSIBLE, several=0.01))
     found = edtk.plan(STUDY.replace(candidates=100), 6, criterion, budget=0.2)
     assert len([one for one in found.warnings if "around the test pose" in one.words]) == (
         criterion == "rho0"

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +42,8 @@ KINDS = [pytest.param(kind, id=kind) for kind in STUDIES]
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Searches of one round from few places: what is said of places holds for them too."""
-    for name, few in {"DRAWN": 1, "DESCENTS": 1, "ROUNDS": 2, "PLACES_TRIED": 12}.items():
-        monkeypatch.setattr(place_tracker, name, few)
+    few = replace(place_tracker.SEARCH, drawn=1, descents=1, rounds=2, tried=12)
+    monkeypatch.setattr(place_tracker, "SEARCH", few)
     with short_search():
         yield
 
