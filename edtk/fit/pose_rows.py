@@ -247,10 +247,9 @@ def least_squares_fit(
         rounding = 2 * np.sqrt(at.cost * squares.rounding) + squares.rounding
         if better := fall >= LEAST_FALL * foreseen - rounding:
             u, at = u + step, after
-        if foreseen <= max(LAST_FALL * at.cost, squares.rounding):
+        # Where squares are rounding alone, as of exact readings, steps would go about for ever.
+        if foreseen <= max(LAST_FALL * at.cost, squares.rounding if fall > 0 else rounding):
             break
-        if fall <= 0 and foreseen <= rounding:
-            break  # as low as the squares tell: exact readings would be stepped about for ever
         if better:
             damping = damping / 10 if damping > LEAST_DAMPING else 0.0
             slope = squares.slope(u, at)
