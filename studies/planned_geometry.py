@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 import edtk
+from edtk.measure.equilibrium import resting_load
 from edtk.measure.measured_model import MeasuredModel
-from edtk.measure.rest import resting_load
 from edtk.report.tables import markdown_table
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.files import write_text

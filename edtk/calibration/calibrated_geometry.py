@@ -19,15 +19,14 @@ from edtk.calibration.prediction import (
 )
 from edtk.calibration.result_file import POSSIBLE, possible_springs, read_geometry
 from edtk.calibration.tasks_in_use import ToolInUse, reading_findings
-from edtk.findings.counting import Counting
+from edtk.findings.counting import EXPECTED, Counting, turn_reading
 from edtk.findings.prior import unstated
-from edtk.findings.turn_reading import EXPECTED, turn_reading
 from edtk.findings.units import like_radians
 from edtk.fit.distributions import NormalMixture
 from edtk.fit.fitted_geometry import RIGID, FittedGeometry, Predicted
 from edtk.fit.marker_positions import MarkerPositions, read_positions
 from edtk.fit.sheet import VECTOR
-from edtk.measure.equilibrium import NoEquilibriumError, why_no_rest
+from edtk.measure.equilibrium import Loads, NoEquilibriumError, why_no_rest
 from edtk.measure.expected_error import AssumedJoint, compensation_accuracy
 from edtk.measure.measured_model import Seen
 from edtk.measure.parameters import TURNS, Parameter
@@ -40,7 +39,6 @@ from edtk.measure.pose_table import (
     Table,
     path_of,
 )
-from edtk.measure.rest import Loads
 from edtk.measure.task import Task
 from edtk.robots.frames import MM
 from edtk.robots.robot import Robot

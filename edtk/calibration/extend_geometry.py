@@ -18,10 +18,10 @@ from edtk.fit.correlated_noise import CorrelatedNoise, whiten, whiten_columns
 from edtk.fit.fitted_geometry import loading_of
 from edtk.fit.measurements import Measurements
 from edtk.fit.pose_rows import PoseRows
+from edtk.measure.equilibrium import resting_load
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import springs_asked
 from edtk.measure.pose_table import Table
-from edtk.measure.rest import resting_load
 from edtk.measure.task import Task
 from edtk.robots.frames import MM
 from edtk.study.study import Study

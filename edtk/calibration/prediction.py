@@ -13,8 +13,8 @@ from edtk.fit.fitted_geometry import ErrorParts, FittedGeometry, Predicted
 from edtk.fit.least_squares import share_inside
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.measurements import Measurements
+from edtk.measure.equilibrium import Loads
 from edtk.measure.parameters import COMPONENTS
-from edtk.measure.rest import Loads
 from edtk.robots.frames import MM
 from edtk.robots.robot import Robot
 from edtk.robots.rotations import rotation

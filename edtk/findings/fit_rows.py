@@ -17,11 +17,11 @@ from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.pose_rows import PoseRows, columns_of
 from edtk.fit.prior import PriorRows
 from edtk.fit.same_poses import SamePoses
+from edtk.measure.equilibrium import Loads
 from edtk.measure.few_columns import Beside, FewColumns, summed
 from edtk.measure.measured_model import Seen
 from edtk.measure.parameters import Parameter, all_parameters
 from edtk.measure.position_noise import PositionNoise
-from edtk.measure.rest import Loads
 from edtk.measure.task import Task
 from edtk.measure.whitening import Scatter
 from edtk.robots.frames import MM

@@ -24,10 +24,10 @@ from edtk.fit.pose_rows import (
 )
 from edtk.fit.prior import Prior, PriorRows
 from edtk.fit.restricted_likelihood import noise_of_repeats
+from edtk.measure.equilibrium import Loads
 from edtk.measure.measured_model import MeasuredModel, Torque
 from edtk.measure.parameters import TURNS, Identifiable, Parameter, identifiable
 from edtk.measure.position_noise import PositionNoise
-from edtk.measure.rest import Loads
 from edtk.measure.whitening import Precision, Scatter
 from edtk.system.typing import Array, Indices, Mask
 
@@ -42,29 +42,11 @@ NU = 5.0  # degrees of freedom of a robust loss
 
 
 class TooFewPosesError(ValueError):
-    """A sheet has fewer coordinates than there are parameters.
-
-    Attributes:
-        missing: How many poses more are needed at least.
-    """
-
-    def __init__(self, coordinates: int, rank: int, missing: int) -> None:
-        poses = f"{missing} more pose{'s' if missing > 1 else ''}"
-        super().__init__(
-            f"{coordinates} measured coordinates for {rank} parameters that poses can tell apart; "
-            f"expected at least {poses}"
-        )
-        self.missing = missing
+    """A sheet has fewer coordinates than there are parameters."""
 
 
 class NoiseNotToldError(ValueError):
     """Residuals have too few degrees of freedom to tell a size of the noise."""
-
-    def __init__(self, dof: int, rank: int) -> None:
-        super().__init__(
-            f"{dof} coordinates more than the {rank} parameters do not tell the size of the noise; "
-            f"expected at least {LEAST_DOF:.0f}: measure more poses, or state the noise"
-        )
 
 
 def fit_geometry(
@@ -381,7 +363,10 @@ def _require_enough(means: MarkerPositions, rank: int) -> None:
     coordinates = int(means.rows_seen.sum())
     if coordinates < rank:
         missing = -(-(rank - coordinates) // int(means.present.sum()))
-        raise TooFewPosesError(coordinates, rank, missing)
+        raise TooFewPosesError(
+            f"{coordinates} measured coordinates for {rank} parameters that poses can tell apart; "
+            f"expected at least {missing} more pose{'s' if missing > 1 else ''}"
+        )
 
 
 def _require_noise_told(means: MarkerPositions, rank: int) -> None:
@@ -392,7 +377,10 @@ def _require_noise_told(means: MarkerPositions, rank: int) -> None:
     """
     dof = int(means.rows_seen.sum()) - rank
     if dof < LEAST_DOF:
-        raise NoiseNotToldError(dof, rank)
+        raise NoiseNotToldError(
+            f"{dof} coordinates more than the {rank} parameters do not tell the size of the noise; "
+            f"expected at least {LEAST_DOF:.0f}: measure more poses, or state the noise"
+        )
 
 
 def _in_turns(

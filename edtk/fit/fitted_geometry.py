@@ -11,11 +11,11 @@ from edtk.fit.least_squares import share_inside
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.prior import Prior
 from edtk.fit.restricted_likelihood import fitted_kinds
+from edtk.measure.equilibrium import Loads, loading_in, no_rest, resting_load
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.measured_model import Load, MeasuredModel, Seen, Torque
 from edtk.measure.parameters import Parameter
 from edtk.measure.position_noise import PositionNoise
-from edtk.measure.rest import Loads, loading_in, no_rest, resting_load
 from edtk.measure.springs import Bending
 from edtk.robots.frames import MM
 from edtk.system.typing import Array, Indices, Mask

@@ -19,9 +19,9 @@ from edtk.fit.posterior import (
 )
 from edtk.fit.prior import Prior
 from edtk.fit.same_poses import blocks_of
+from edtk.measure.equilibrium import Loads
 from edtk.measure.measured_model import Load, LoadsOfReadings, MeasuredModel, Seen, Torque
 from edtk.measure.position_noise import PositionNoise
-from edtk.measure.rest import Loads
 from edtk.measure.whitening import Scatter
 from edtk.robots.elastic_robot import widened
 from edtk.robots.frames import MM

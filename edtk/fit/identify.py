@@ -1,7 +1,6 @@
 """Compliances from real measurements, by least squares or a robust fit, and what residuals say."""
 
 from dataclasses import dataclass, replace
-from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -216,38 +215,8 @@ class Identification(Presented):
         return value, (float(low), float(high))
 
 
-class NothingLeft(Enum):
-    """Why the residuals cannot tell the noise."""
-
-    NO_FREEDOM = (
-        "{coordinates} measured coordinates for {parameters} parameters leave nothing to estimate "
-        "sigma from"
-    )
-    EXACT_FIT = (
-        "the model fits the measurements exactly, which leaves nothing to estimate sigma from"
-    )
-    HALF_EXACT = (
-        "the model fits half of the measurements exactly, which leaves no estimate of sigma"
-    )
-
-
 class NothingLeftError(ValueError):
-    """The residuals cannot tell the noise that was to be estimated from them.
-
-    Attributes:
-        reason: Why.
-        coordinates: Number of measured coordinates.
-        parameters: Number of parameters.
-    """
-
-    def __init__(self, reason: NothingLeft, coordinates: int, parameters: int) -> None:
-        super().__init__(reason, coordinates, parameters)
-        self.reason = reason
-        self.coordinates = coordinates
-        self.parameters = parameters
-
-    def __str__(self) -> str:
-        return self.reason.value.format(coordinates=self.coordinates, parameters=self.parameters)
+    """The residuals cannot tell the noise that was to be estimated from them."""
 
 
 def identify(
@@ -287,10 +256,15 @@ def identify(
     """
     data = _Data(A, measured, Whitened.of(A, sigma, parameters), parameters)
     if not known and not data.dof:
-        raise data.nothing_left(NothingLeft.NO_FREEDOM)
+        raise NothingLeftError(
+            f"{measured.size} measured coordinates for {len(parameters)} parameters leave nothing "
+            "to estimate sigma from"
+        )
     fit = _least_squares(data, known)
     if not known and not _without_rounding(data.in_sigma(fit.residual), data.y).any():
-        raise data.nothing_left(NothingLeft.EXACT_FIT)
+        raise NothingLeftError(
+            "the model fits the measurements exactly, which leaves nothing to estimate sigma from"
+        )
     too_few = robust and not known and measured.size <= INTERPOLATED * len(parameters)
     if robust and data.dof and not too_few:
         return _robust(fit, data)
@@ -335,10 +309,6 @@ class _Data:
         if noise is None:
             return outliers
         return own_outliers(self.A, self.measured, noise, self.parameters, outliers)
-
-    def nothing_left(self, reason: NothingLeft) -> NothingLeftError:
-        """The error for a noise that cannot be estimated."""
-        return NothingLeftError(reason, self.measured.size, self.A.shape[-1])
 
 
 def _least_squares(data: _Data, known: bool) -> Identification:
@@ -391,7 +361,9 @@ def _robust(fit: Identification, data: _Data) -> Identification:
     start = fit.unbounded * whitened.scale
     found = fit_huber(whitened.Q, whitened.R, y, start, fit.known)
     if not fit.known and not found.scale > NO_NOISE * np.abs(y).max():
-        raise data.nothing_left(NothingLeft.HALF_EXACT)
+        raise NothingLeftError(
+            "the model fits half of the measurements exactly, which leaves no estimate of sigma"
+        )
     k = found.x / whitened.scale
     bounded = k
     if (k < 0).any():

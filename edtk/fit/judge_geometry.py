@@ -19,11 +19,11 @@ from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.pose_rows import WHITE_SHARE, PoseRows, known_before
 from edtk.fit.prior import Prior, PriorRows
 from edtk.fit.same_poses import SINGULAR, Groups, SamePoses, blocks_of, surprise_of
+from edtk.measure.equilibrium import Loads
 from edtk.measure.few_columns import Beside, sandwich
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import Parameter
 from edtk.measure.position_noise import PositionNoise
-from edtk.measure.rest import Loads
 from edtk.measure.whitening import Precision, Scatter, diagonal_blocks
 from edtk.robots.frames import MM
 from edtk.system.typing import Array, Indices, Mask

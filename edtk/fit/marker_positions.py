@@ -415,7 +415,7 @@ def read_positions(
     if measured and not wide and found and MARKER_NAME_COLUMN not in table:
         _require_same(table, found, tuple(kinds))
     own = [*_columns(map(form_of, ("position", *kinds.values()))), MARKER_NAME_COLUMN]
-    changes = [one for name in turned for one in _change_of(table, name, ROTATION_COLUMNS)]
+    changes = [one for name in turned for one in _change_of(table, name)]
     needed = measured and not has_any(table, changes)
     of_turns = turn_columns(table, turned, pose_columns(robot), needed)
     turns = [*changes, *(column for columns in of_turns.values() for column in columns)]
@@ -590,7 +590,7 @@ def _with_turns(
         seen = data.seen[:, marker]
         for visits, written in (
             (seen & ~data.is_difference, own),
-            (seen & data.is_difference, _change_of(table, name, ROTATION_COLUMNS)),
+            (seen & data.is_difference, _change_of(table, name)),
         ):
             if visits.any():
                 vectors = read_turns(table, data.row[visits, marker], written)
@@ -598,16 +598,16 @@ def _with_turns(
     return replace(data, turns=turns)
 
 
-def _change_of(table: PoseTable, name: str, columns: tuple[str, ...]) -> tuple[str, ...]:
-    """The columns of a change: with the marker's name before them, as in a sheet with a pose a row.
+def _change_of(table: PoseTable, name: str) -> tuple[str, ...]:
+    """The columns of a turn by a load: with the marker's name where a sheet has a pose a row.
 
     Those of a sheet with a marker a row have none.
     """
     for before in (name, f"{name}_"):
-        named = tuple(f"{before}{column}" for column in columns)
+        named = tuple(f"{before}{column}" for column in ROTATION_COLUMNS)
         if has_any(table, named):
             return named
-    return columns
+    return ROTATION_COLUMNS
 
 
 def _names_in(table: PoseTable, robot: Robot) -> tuple[str, ...]:

@@ -198,25 +198,7 @@ def _of_coordinates(data: Measurements, T: Array, row: Indices, marker: Indices)
 
 
 class TooManyVisitsError(ValueError):
-    """A group of measurements that hang together is too large.
-
-    Attributes:
-        row: One of its measurements, counted from 0.
-        count: Number of them.
-        most: How many there may be.
-    """
-
-    def __init__(self, row: int, count: int, most: int) -> None:
-        super().__init__(row, count, most)
-        self.row = row
-        self.count = count
-        self.most = most
-
-    def __str__(self) -> str:
-        return (
-            f"row {self.row + 1}: {self.count} measurements share an error; "
-            f"expected {self.most} at most"
-        )
+    """A group of measurements that hang together is too large."""
 
 
 def visit_covariance(
@@ -254,7 +236,10 @@ def visit_covariance(
     for members in groups_by_size(group):
         G, s = members.shape
         if s * rows > MOST_COORDINATES:
-            raise TooManyVisitsError(int(members[0, 0]), s, MOST_COORDINATES // rows)
+            raise TooManyVisitsError(
+                f"row {members[0, 0] + 1}: {s} measurements share an error; "
+                f"expected {MOST_COORDINATES // rows} at most"
+            )
         whole = own.among(members)
         M = motion[members]
         together = data.visits[members][:, :, None] == data.visits[members][:, None]

@@ -238,18 +238,7 @@ NO_NOISE = 1e-11
 
 
 class SigmaTooSmallError(ValueError):
-    """No residual is as small as the noise that is believed.
-
-    Attributes:
-        ratio: Smallest absolute residual over sigma.
-    """
-
-    def __init__(self, ratio: float) -> None:
-        super().__init__(ratio)
-        self.ratio = ratio
-
-    def __str__(self) -> str:
-        return f"the smallest residual is {self.ratio:.3g} times sigma: expected a larger sigma"
+    """No residual is as small as the noise that is believed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -448,7 +437,10 @@ def _inflation(r: Array, p: int, corner: float) -> float:
     N = len(r)
     inside = float(np.mean(np.abs(r) <= corner))  # mean of psi'
     if not inside:
-        raise SigmaTooSmallError(float(np.abs(r).min()))
+        ratio = np.abs(r).min()
+        raise SigmaTooSmallError(
+            f"the smallest residual is {ratio:.3g} times sigma: expected a larger sigma"
+        )
     correction = 1 + p / N * (1 - inside) / inside
     spread = float((np.clip(r, -corner, corner) ** 2).sum()) / (N - p)
     return correction**2 * spread / inside**2

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from enum import Enum
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -355,43 +354,8 @@ class Posterior(Presented):
         return pd.DataFrame(columns)
 
 
-class ImproperPosterior(Enum):
-    """Why a posterior has no standard deviations, or cannot be sampled."""
-
-    SIGMA_FROM_FEW_ROWS = (
-        "with sigma unknown the measured rows must outnumber the compliances by {needed}, "
-        "and do by {rows}; measure more, or say how well sigma is known"
-    )
-    SIGMA_FROM_EXACT_FIT = (
-        "the model fits the measurements exactly, which leaves nothing to tell sigma from"
-    )
-    HEAVY_TAILS_FROM_FEW_ROWS = (
-        "with Student-t errors {rows} measured rows that tell of a compliance, or of several "
-        "together, are too few; measure more, or give every compliance a prior"
-    )
-    NO_DENSITY = (
-        "the prior and the measurements are so far apart that no compliance has a density which a "
-        "number can hold; correct the prior"
-    )
-
-
 class ImproperPosteriorError(ValueError):
-    """The posterior has no standard deviations: too little was measured for what is unknown.
-
-    Attributes:
-        reason: Why.
-        rows: Number of rows that there are, as the reason counts them.
-        needed: Number of rows that there must be; 0 where no number would do.
-    """
-
-    def __init__(self, reason: ImproperPosterior, rows: int = 0, needed: int = 0) -> None:
-        super().__init__(reason, rows, needed)
-        self.reason = reason
-        self.rows = rows
-        self.needed = needed
-
-    def __str__(self) -> str:
-        return self.reason.value.format(rows=self.rows, needed=self.needed)
+    """The posterior has no standard deviations: too little was measured for what is unknown."""
 
 
 @dataclass(frozen=True)
@@ -549,7 +513,10 @@ def sample_posterior(
     density = PosteriorDensity.of(data, fit, prior, noise)
     start = density.start(data, rng, options.walkers)
     if not np.isfinite(density.log_density(start)).all():
-        raise ImproperPosteriorError(ImproperPosterior.NO_DENSITY)
+        raise ImproperPosteriorError(
+            "the prior and the measurements are so far apart that no compliance has a density "
+            "which a number can hold; correct the prior"
+        )
     seed = int(rng.integers(2**31))
     chain = sample_chain(density, start, seed, options, [A, measured, *numbers_of(sigma)])
     return posterior_of(chain, fit.parameters, noise_names=noise.names)
@@ -569,13 +536,19 @@ def _require_variances(prior: Prior, noise: Noise, data: MeasuredRows) -> None:
     sigma_unknown = noise.sigma_factor == np.inf
     needed = 1 if prior.proper else NO_VARIANCE + 1
     if sigma_unknown and data.freedom < needed:
-        reason = ImproperPosterior.SIGMA_FROM_FEW_ROWS
-        raise ImproperPosteriorError(reason, data.freedom, needed)
+        raise ImproperPosteriorError(
+            f"with sigma unknown the measured rows must outnumber the compliances by {needed}, and "
+            f"do by {data.freedom}; measure more, or say how well sigma is known"
+        )
     if sigma_unknown and data.exact:
-        raise ImproperPosteriorError(ImproperPosterior.SIGMA_FROM_EXACT_FIT)
+        raise ImproperPosteriorError(
+            "the model fits the measurements exactly, which leaves nothing to tell sigma from"
+        )
     if noise.normal or prior.proper:
         return
     least_nu = 0.0 if noise.nu is None else noise.nu
     if data.telling * (least_nu + 1) - 1 <= NO_VARIANCE:
-        reason = ImproperPosterior.HEAVY_TAILS_FROM_FEW_ROWS
-        raise ImproperPosteriorError(reason, data.telling)
+        raise ImproperPosteriorError(
+            f"with Student-t errors {data.telling} measured rows that tell of a compliance, or of "
+            "several together, are too few; measure more, or give every compliance a prior"
+        )

@@ -5,7 +5,6 @@ import io
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field
-from enum import Enum
 from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any, Protocol
@@ -73,29 +72,13 @@ class Convergence:
 ENOUGH = Convergence()
 
 
-class ChainFileFault(Enum):
-    """Why a chain cannot be resumed from a file."""
-
-    NO_LIBRARY = "keeping a chain needs the extra edtk[posterior], which is not installed"
-    NO_CHAIN = "not a chain that edtk has written, or damaged since; name another file"
-    OTHER_PROBLEM = "the chain is of another study, plan, seed or prior; name another file"
+NO_LIBRARY = "keeping a chain needs the extra edtk[posterior], which is not installed"
+NO_CHAIN = "not a chain that edtk has written, or damaged since; name another file"
+OTHER_PROBLEM = "the chain is of another study, plan, seed or prior; name another file"
 
 
 class ChainFileError(ValueError):
-    """A chain cannot be read, or belongs to another problem.
-
-    Attributes:
-        path: The file.
-        fault: What is wrong with it.
-    """
-
-    def __init__(self, path: Path, fault: ChainFileFault) -> None:
-        super().__init__(path, fault)
-        self.path = path
-        self.fault = fault
-
-    def __str__(self) -> str:
-        return f"{self.path}: {self.fault.value}"
+    """A chain cannot be read, or belongs to another problem."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,18 +140,18 @@ class ChainFile:
         try:
             import h5py  # type: ignore[import-untyped]
         except ModuleNotFoundError:
-            raise ChainFileError(self.path, ChainFileFault.NO_LIBRARY) from None
+            raise ChainFileError(f"{self.path}: {NO_LIBRARY}") from None
         if not self.path.exists():
             return None
         content = read_bytes(self.path, MOST_MB)
         image = content[:-SEAL_LENGTH]
         if content[-SEAL_LENGTH:] != _seal(image):
-            raise ChainFileError(self.path, ChainFileFault.NO_CHAIN)
+            raise ChainFileError(f"{self.path}: {NO_CHAIN}")
         try:
             with h5py.File(io.BytesIO(image), "r") as file:
                 group = file[GROUP]
                 if group.attrs[PROBLEM] != self.problem:
-                    raise ChainFileError(self.path, ChainFileFault.OTHER_PROBLEM)
+                    raise ChainFileError(f"{self.path}: {OTHER_PROBLEM}")
                 goal = int(group.attrs[GOAL])
                 if accuracy > float(group.attrs[ACCURACY]):
                     goal = 0
@@ -176,7 +159,7 @@ class ChainFile:
         except ChainFileError:
             raise
         except REFUSED as error:
-            raise ChainFileError(self.path, ChainFileFault.NO_CHAIN) from error
+            raise ChainFileError(f"{self.path}: {NO_CHAIN}") from error
 
     def save(self, stored: StoredChain, accuracy: float) -> None:
         """Write the chain atomically, with the accuracy that it is to reach.
@@ -333,18 +316,7 @@ def std_error(x: Array) -> Array:
 
 
 class UnconvergedError(RuntimeError):
-    """The chain did not become as long as its autocorrelation time and the accuracy ask for.
-
-    Attributes:
-        steps: Its length, the limit.
-    """
-
-    def __init__(self, steps: int) -> None:
-        super().__init__(steps)
-        self.steps = steps
-
-    def __str__(self) -> str:
-        return f"the chain did not converge in {self.steps} steps; allow more steps"
+    """The chain did not become as long as its autocorrelation time and the accuracy ask for."""
 
 
 @dataclass(frozen=True)
@@ -426,7 +398,8 @@ def run_chain(
         if isinstance(found, Chain):
             return found
         if sampler.iteration >= demand.most:
-            raise UnconvergedError(sampler.iteration)
+            message = f"the chain did not converge in {sampler.iteration} steps; allow more steps"
+            raise UnconvergedError(message)
         goal = found
 
 

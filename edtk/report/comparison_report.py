@@ -27,8 +27,7 @@ from edtk.report.comparison_sections import (
     verdict,
     visits_by_load,
 )
-from edtk.report.draw.bars import heat_map
-from edtk.report.draw.names import room_for
+from edtk.report.draw.bars import heat_map, room_for
 from edtk.report.draw.plans import LONGEST_LABEL, criterion_by_size, task_errors
 from edtk.report.figures import new_figure, png
 from edtk.report.show.page import page_html

@@ -20,8 +20,7 @@ from edtk.report.calibration_sections import (
     task_section,
     verdict_box,
 )
-from edtk.report.draw.bars import correlation, intervals
-from edtk.report.draw.names import room_for
+from edtk.report.draw.bars import correlation, intervals, room_for
 from edtk.report.draw.residuals import ResidualPanel, drawn_rows, quantiles, residuals
 from edtk.report.figures import new_figure
 from edtk.report.page import (

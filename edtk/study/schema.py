@@ -7,7 +7,6 @@ from pydantic import (
     BeforeValidator,
     Field,
     ValidationError,
-    ValidationInfo,
     field_validator,
     model_validator,
 )
@@ -222,11 +221,8 @@ class Specification(Table):
             filled |= _with_geometry(given)
         return {"criteria": filled["optimise"], **filled}
 
-    @field_validator("tool", "load", mode="before")
-    @classmethod
-    def _without_a_load(cls, given: Any, info: ValidationInfo) -> Any:
-        """A payload needs neither a load nor a tool."""
-        return payload_stands_in(given, info, no_load=None)
+    # A payload needs neither a load nor a tool.
+    _without_a_load = field_validator("tool", "load", mode="before")(payload_stands_in)
 
     @field_validator("criteria", "optimise", "sizes")
     @classmethod

@@ -80,16 +80,15 @@ class PayloadTable(Table):
         return f"payload of {self.mass_kg:g} kg at ({center}) mm"
 
 
-def payload_stands_in(given: Any, info: ValidationInfo, no_load: Load | None) -> Any:
+def payload_stands_in(given: Any, info: ValidationInfo) -> Any:
     """Take a given tool or load; where there is none, a payload needs neither, nor does geometry.
 
     Args:
         given: The value of `tool` or `load`; None if the key is left out.
         info: The name of the key, and the keys before it, of which `payload` is one.
-        no_load: What stands for a load beside the payload.
 
     Returns:
-        The given value. Without one: the frame of the last joint for a tool, or `no_load`.
+        The given value. Without one: the frame of the last joint for a tool, and no load.
 
     Raises:
         PydanticCustomError: Neither the key nor a payload is given.
@@ -99,7 +98,7 @@ def payload_stands_in(given: Any, info: ValidationInfo, no_load: Load | None) ->
     # Absolute positions need no load, and find the tool.
     if all(info.data.get(key) is None for key in ("payload", "parameters")):
         raise PydanticCustomError("missing", "this key is required")
-    return Tool(position_mm=ZERO) if info.field_name == "tool" else no_load
+    return Tool(position_mm=ZERO) if info.field_name == "tool" else None
 
 
 class FramesTable(Table):

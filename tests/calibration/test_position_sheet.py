@@ -7,7 +7,7 @@ import pytest
 from loaded_arm import LOAD, STUDY
 
 import edtk
-from edtk.measure.rest import resting_load
+from edtk.measure.equilibrium import resting_load
 from edtk.study.study_geometry import StudyGeometry
 from edtk.system.errors import ArgumentError
 from edtk.verbs.template import template

@@ -3,6 +3,7 @@
 import hashlib
 import io
 import pickle
+import re
 import sys
 from shutil import copyfile
 
@@ -15,11 +16,11 @@ from forked import fill_disk, forked
 
 from edtk.fit.prior import Prior
 from edtk.fit.run_chain import (
+    NO_CHAIN,
     SEAL,
     SEAL_LENGTH,
     ChainFile,
     ChainFileError,
-    ChainFileFault,
     Demand,
     StoredChain,
     UnconvergedError,
@@ -106,10 +107,8 @@ def test_chain_of_another_problem(stopped):
 def test_broken_file(stopped, keep):
     """A file that is cut off is refused in words that name it."""
     stopped.write_bytes(stopped.read_bytes()[:keep])
-    with pytest.raises(ChainFileError, match=r"chain\.h5: not a chain") as caught:
+    with pytest.raises(ChainFileError, match=re.escape(f"{stopped}: not a chain")) as caught:
         sample(0, FINE, chain=stopped)
-    assert caught.value.path == stopped
-    assert caught.value.fault is ChainFileFault.NO_CHAIN
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
 
@@ -126,9 +125,8 @@ def loaded(stopped):
 
 def assert_no_chain(load):
     """A file is refused."""
-    with pytest.raises(ChainFileError) as caught:
+    with pytest.raises(ChainFileError, match=NO_CHAIN):
         load()
-    assert caught.value.fault is ChainFileFault.NO_CHAIN
 
 
 def test_a_changed_byte_is_found_before_hdf5_sees_it(stopped, loaded, monkeypatch):

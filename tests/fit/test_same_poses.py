@@ -14,9 +14,9 @@ from edtk.fit.judge_geometry import left_out_alone
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.place_robot import place_robot
 from edtk.fit.same_poses import SAME_ANGLES, SamePoses
+from edtk.measure.equilibrium import loading_in
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.parameters import all_parameters
-from edtk.measure.rest import loading_in
 
 Array = NDArray[np.float64]
 K = np.array([2e-6, 3e-6, 5e-6, 2e-5, 2e-5, 4e-5])

@@ -7,8 +7,7 @@ import pytest
 from arm import ROBOT
 from numpy.typing import NDArray
 
-from edtk.measure.equilibrium import Rest
-from edtk.measure.rest import no_rest, resting_load
+from edtk.measure.equilibrium import Rest, no_rest, resting_load
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry
 

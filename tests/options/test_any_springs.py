@@ -15,7 +15,7 @@ import edtk
 from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_space import PositionRows
 from edtk.fit.geometry_posterior import many_seen
-from edtk.measure.rest import loading_in, no_rest, resting_load
+from edtk.measure.equilibrium import loading_in, no_rest, resting_load
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry, planned_noise
 from edtk.system.errors import UserError

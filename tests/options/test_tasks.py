@@ -16,8 +16,8 @@ from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_space import PositionRows
 from edtk.calibration.planned import SpringDesigns
 from edtk.design.plan import Plan
+from edtk.measure.equilibrium import resting_load
 from edtk.measure.parameters import Parameter
-from edtk.measure.rest import resting_load
 from edtk.measure.task import Task
 from edtk.study.study import Study
 from edtk.study.study_geometry import StudyGeometry

@@ -11,8 +11,7 @@ from edtk.calibration.planned import plan_bias
 from edtk.design.plan import Plan
 from edtk.report.comparison_report import _heat_map
 from edtk.report.comparison_sections import Efficiencies
-from edtk.report.draw.bars import heat_map
-from edtk.report.draw.names import MOST_SIGNS, short_names
+from edtk.report.draw.bars import MOST_SIGNS, heat_map, short_names
 from edtk.report.tables import name_width, number_columns
 from edtk.verbs.evaluate import evaluate
 from tests.support.arm import ROBOT, arm

@@ -14,9 +14,9 @@ import numpy as np
 from edtk.findings.causes.family import Added, Family, Predict
 from edtk.fit.measurements import Measurements, joint_motion, measured_points, translations
 from edtk.measure.elastostatic_model import ElastostaticModel
+from edtk.measure.equilibrium import Loads
 from edtk.measure.expected_error import AssumedJoint
 from edtk.measure.parameters import Parameter, all_parameters
-from edtk.measure.rest import Loads
 from edtk.measure.task import Task
 from edtk.robots.elastic_robot import turning_about
 from edtk.robots.frames import Frames

@@ -14,7 +14,7 @@ from edtk.design.exact.comparison import SizeCurve, size_curve
 from edtk.design.exact.model_design import TEST_LEVEL, Design, ModelDesign, Places
 from edtk.design.problem import Problem
 from edtk.design.region import Region
-from edtk.report.draw.names import name_ticks, short_names
+from edtk.report.draw.bars import name_ticks, short_names
 from edtk.report.figures import BLUE, COLOURS, GREY, ORANGE, panels
 from edtk.report.shown import plain
 from edtk.system.errors import ArgumentError, UserError

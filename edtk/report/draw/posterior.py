@@ -8,7 +8,7 @@ import numpy as np
 from edtk.calibration.posterior_check import PosteriorCheck
 from edtk.fit.correlated_noise import whiten, whiten_columns
 from edtk.measure.pose_table import coordinate_names
-from edtk.report.draw.names import short_names
+from edtk.report.draw.bars import short_names
 from edtk.report.figures import BLUE, ORANGE
 from edtk.report.shown import plain
 from edtk.system.typing import Array, Indices

@@ -9,7 +9,7 @@ import criteria
 from criteria.criterion import printed
 from edtk.calibration.planned import PlanBias
 from edtk.design.exact.day import PosesByLoad
-from edtk.report.draw.names import name_ticks
+from edtk.report.draw.bars import name_ticks
 from edtk.report.figures import BLUE, panels
 from edtk.report.shown import expected_rho0
 from edtk.report.tables import left_table, name_width, notebook_table, text_table

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from edtk.fit.controller.find_controller import FoundController
 from edtk.fit.controller.ways_to_count import Counted
 from edtk.measure.pose_table import pose_factors
-from edtk.report.draw.names import joint_labels
+from edtk.report.draw.bars import joint_labels
 from edtk.report.figures import BLUE, GREEN, GREY, ORANGE
 from edtk.report.show.page import ShownPage
 from edtk.report.show.stage import stage_of_robot

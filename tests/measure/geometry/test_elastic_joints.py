@@ -12,10 +12,10 @@ import pytest
 from chains import coupled_chain, mixed_chain, tied_chain
 from numpy.typing import NDArray
 
+from edtk.measure.equilibrium import Loads, loading_in
 from edtk.measure.measured_model import MeasuredModel
 from edtk.measure.nominal_columns import NominalColumns
 from edtk.measure.parameters import all_parameters, springs_asked
-from edtk.measure.rest import Loads, loading_in
 from edtk.measure.springs import elastic_joints, sprung
 from edtk.robots.frames import BodyPoint, force_and_torque
 from edtk.robots.joint import Joint
