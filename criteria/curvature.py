@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from criteria.linalg.inverse import eigenpairs
 from criteria.linalg.typing import Array, Indices, triangle
 
 # Log of the ratio of two eigenvalues that count as one: its square is rounding.
@@ -80,7 +81,7 @@ class Curvature:
         rows, columns = triangle(len(self.z))
         on_diagonal = rows == columns
         P = np.sqrt(2.0 * self.W[rows, columns])[:, None] * E
-        values, U = np.linalg.eigh(np.diag(np.diag(self.W)) - self.c * np.outer(self.z, self.z))
+        values, U = eigenpairs(np.diag(np.diag(self.W)) - self.c * np.outer(self.z, self.z))
         P[on_diagonal] = (np.sqrt(np.maximum(values, 0.0)) * U).T @ E[on_diagonal]
         return np.asarray(P)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import CovarianceCriterion, KinkedCriterion
+from criteria.linalg.inverse import eigenpairs
 from criteria.linalg.spectrum import bounded_below, conjugate, soft_maximum
 from criteria.linalg.typing import Array
 from criteria.registry import register
@@ -49,13 +50,13 @@ class EOptimality(KinkedCriterion, CovarianceCriterion, ConvexCriterion):
 
     def covariance_slope(self, cov: Array) -> Array:
         """``v v'`` for the unit eigenvector of the largest variance, or a soft maximum's slopes."""
-        variances, V = np.linalg.eigh(cov)
+        variances, V = eigenpairs(cov)
         return conjugate(V, soft_maximum(variances, self.sharpness)[1])
 
     def _cost(self, M: Array, cov: Array) -> Array:
         return soft_maximum(np.linalg.eigvalsh(cov), self.sharpness)[0]
 
     def _gradient(self, M: Array, cov: Array) -> Array:
-        variances, V = np.linalg.eigh(cov)
+        variances, V = eigenpairs(cov)
         _, slopes = soft_maximum(variances, self.sharpness)
         return -conjugate(V, slopes * variances**2)

@@ -7,7 +7,7 @@ import numpy as np
 from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import CovarianceCriterion
 from criteria.curvature import Curvature, curvature_of_spectrum
-from criteria.linalg.inverse import power_trace, power_trace_of_root
+from criteria.linalg.inverse import eigenpairs, power_trace, power_trace_of_root
 from criteria.linalg.spectrum import conjugate, sharp_variances
 from criteria.linalg.typing import Array
 from criteria.registry import register
@@ -63,7 +63,7 @@ class InverseSingularValueSum(CovarianceCriterion, ConvexCriterion):
 
     def covariance_slope(self, cov: Array) -> Array:
         """``cov^(-1/2) / 2``."""
-        variances, V = np.linalg.eigh(cov)
+        variances, V = eigenpairs(cov)
         positive = np.maximum(variances, np.finfo(float).tiny)
         return 0.5 * conjugate(V, positive**-0.5)
 
@@ -84,5 +84,5 @@ class InverseSingularValueSum(CovarianceCriterion, ConvexCriterion):
         return np.sqrt(sharp_variances(cov)).sum(axis=-1)
 
     def _gradient(self, M: Array, cov: Array) -> Array:
-        variances, V = np.linalg.eigh(cov)
+        variances, V = eigenpairs(cov)
         return -0.5 * conjugate(V, np.maximum(variances, 0.0) ** 1.5)

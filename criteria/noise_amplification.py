@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.criterion import KinkedCriterion
+from criteria.linalg.inverse import eigenpairs
 from criteria.linalg.spectrum import conjugate, soft_maximum
 from criteria.linalg.typing import Array
 from criteria.registry import register
@@ -75,8 +76,8 @@ class NoiseAmplification(KinkedCriterion, Relaxable):
         return np.sqrt(high) * low
 
     def _gradient(self, M: Array, cov: Array) -> Array:
-        eigenvalues, V = np.linalg.eigh(M)
-        variances, U = np.linalg.eigh(cov)
+        eigenvalues, V = eigenpairs(M)
+        variances, U = eigenpairs(cov)
         high, high_slopes = soft_maximum(eigenvalues, self.sharpness)
         low, low_slopes = soft_maximum(variances, self.sharpness)
         of_high = conjugate(V, 0.5 * high_slopes / high[..., None])

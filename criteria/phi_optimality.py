@@ -11,7 +11,7 @@ from criteria.criterion import CovarianceCriterion, Criterion
 from criteria.curvature import Curvature, curvature_of_spectrum
 from criteria.d_optimality import DOptimality
 from criteria.errors import CriterionError
-from criteria.linalg.inverse import guarded_inverse, power_trace, power_trace_of_root
+from criteria.linalg.inverse import eigenpairs, guarded_inverse, power_trace, power_trace_of_root
 from criteria.linalg.spectrum import conjugate, sharp_variances
 from criteria.linalg.typing import Array
 from criteria.registry import register
@@ -196,6 +196,6 @@ def _squares(s: Array) -> Array:
 
 def _spectrum(cov: Array) -> tuple[Array, Array]:
     """Eigenvalues (..., p), positive, and eigenvectors of covariances."""
-    variances, V = np.linalg.eigh(cov)
+    variances, V = eigenpairs(cov)
     # Rounding can leave an eigenvalue a little below zero, which has no power.
     return np.maximum(variances, np.finfo(float).tiny), V

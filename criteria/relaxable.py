@@ -11,7 +11,7 @@ import numpy as np
 
 from criteria.criterion import DESCRIBED, CovarianceCriterion, Criterion, DeterminantCriterion
 from criteria.curvature import Curvature
-from criteria.linalg.inverse import lowered_root, whitener
+from criteria.linalg.inverse import eigenpairs, lowered_root, whitener
 from criteria.linalg.models import Models
 from criteria.linalg.spectrum import have_orthogonal_columns, is_semidefinite
 from criteria.linalg.typing import Array
@@ -505,5 +505,5 @@ class TransformedDeterminant(TransformedByFactor, DeterminantCriterion):
 
 def _root(cov: Array) -> Array:
     """L (..., p, p) with ``L L' = cov``."""
-    variances, V = np.linalg.eigh(cov)
+    variances, V = eigenpairs(cov)
     return np.asarray(V * np.sqrt(np.maximum(variances, 0.0))[..., None, :])

@@ -15,7 +15,13 @@ from criteria.curvature import Curvature
 from criteria.errors import CriterionError
 from criteria.interest import Interest
 from criteria.linalg.estimable import estimable_inverse
-from criteria.linalg.inverse import ROUNDING, full_rank_root, guarded_inverse, unit_spectrum
+from criteria.linalg.inverse import (
+    ROUNDING,
+    eigenpairs,
+    full_rank_root,
+    guarded_inverse,
+    unit_spectrum,
+)
 from criteria.linalg.models import Models, put, taken
 from criteria.linalg.spectrum import is_semidefinite
 from criteria.linalg.typing import Array, Indices, Mask
@@ -376,20 +382,20 @@ class SeveralCriteria(Relaxable):
             return np.zeros(len(self.parts))
         safe, cov, _ = self.inverse(M)
         W = inverse.T @ (shares[:, None, None] * self.slopes(safe, cov)) @ inverse
-        values, V = np.linalg.eigh(W.sum(axis=0))
+        values, V = eigenpairs(W.sum(axis=0))
         if not values[-1] > 0:
             return np.zeros(len(self.parts))
         S = (V * np.maximum(values, FLOOR * values[-1]) ** -0.5) @ V.T
         # A part that is zero in some parameters is so but for rounding: it is a square, which is
         # semidefinite whatever rounding did.
-        w, U = np.linalg.eigh(W)
+        w, U = eigenpairs(W)
         roots = np.sqrt(np.maximum(w, 0.0))[..., None] * np.swapaxes(U, 1, 2) @ S
         # Nor must rounding let the parts add up to more than the whole.
         whole = np.einsum("jai,jak->ik", roots, roots)
         most = max(1.0, float(np.linalg.eigvalsh(whole)[-1])) * (1 + len(Z) * ROUNDING)
         roots = roots / np.sqrt(most)
         # Slopes of low rank, as of c, leave directions out; each part takes its share of these.
-        r, V = np.linalg.eigh(np.eye(len(R)) - whole / most)
+        r, V = eigenpairs(np.eye(len(R)) - whole / most)
         left = np.sqrt(np.maximum(r - len(Z) * ROUNDING, 0.0))[:, None] * V.T
         given = np.sqrt(shares / shares.sum())[:, None, None] * left
         roots = np.concatenate([roots, given], axis=1) @ R

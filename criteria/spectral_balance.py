@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from criteria.linalg.inverse import eigenpairs
 from criteria.linalg.spectrum import (
     bounded_below,
     definite_parts,
@@ -67,7 +68,7 @@ class SpectralBalance(Relaxable):
 
     def _gradient(self, M: Array, cov: Array) -> Array:
         """``a v_1 v_1'/lambda_p - (a lambda_1 + b) v_p v_p'/lambda_p^2``."""
-        eigenvalues, V = np.linalg.eigh(M)
+        eigenvalues, V = eigenpairs(M)
         least = eigenvalues[..., :1]
         slopes = np.zeros_like(eigenvalues)
         # With a single parameter both terms fall on the same eigenvalue, hence the sum.

@@ -11,6 +11,7 @@ from criteria.criterion import KinkedCriterion
 from criteria.g_optimality import WEIGHT_STEPS
 from criteria.linalg.inverse import (
     TINY,
+    eigenpairs,
     long_product,
     lowered_root,
     power_trace_of_root,
@@ -237,14 +238,14 @@ def least_squares_shares(G: Array, Z: Array, penalty: Array, unit: float = 1.0) 
 def _steps(squares: Array, Z: Array, weights: Array) -> list[Array]:
     """Weights (d,) of sum one, step by step towards those of the largest polar, all whitened."""
     found = []
-    z, V = np.linalg.eigh(Z)
+    z, V = eigenpairs(Z)
     root = (V * np.sqrt(np.maximum(z, 0.0))) @ V.T
     turned = root @ squares @ root
     for _ in range(WEIGHT_STEPS):
         if not weights.sum() > 0:
             break
         found.append(weights)
-        values, U = np.linalg.eigh(np.tensordot(weights, turned, axes=1))
+        values, U = eigenpairs(np.tensordot(weights, turned, axes=1))
         # The gradient is K^(-1/2)/2; where K has no part, no task that has weight has one either.
         inverse = np.where(values > 1e-12 * values[-1], np.maximum(values, TINY) ** -0.5, 0.0)
         gains = np.tensordot(turned, (U * inverse) @ U.T, axes=2)

@@ -7,6 +7,7 @@ import numpy as np
 from criteria.linalg.inverse import (
     EPS,
     ROUNDING,
+    eigenpairs,
     guarded_inverse,
     unit_scale,
     whitener,
@@ -48,7 +49,7 @@ def null_space(M: Array) -> tuple[Array, Array]:
         parameters ``d_i k_i``, and the scales d (p,).
     """
     d = unit_scale(np.diag(M))
-    r, V = np.linalg.eigh(M / np.outer(d, d))
+    r, V = eigenpairs(M / np.outer(d, d))
     return _echelon(V[:, r <= len(M) * ROUNDING * max(r[-1], 1.0)]), d
 
 
@@ -190,7 +191,7 @@ class _Spectrum:
         has_some = diagonal > NOTHING * max(float(diagonal.max()), 0.0)
         d = unit_scale(np.where(has_some, diagonal, 0.0))
         R = np.where(has_some[:, None] & has_some, M / np.outer(d, d), 0.0)
-        r, V = np.linalg.eigh(R)
+        r, V = eigenpairs(R)
         return cls(r, V, d, r <= len(M) * ROUNDING)
 
     def leaves_open(self, K: Array, rounded: float) -> Mask:

@@ -69,7 +69,7 @@ def guarded_inverse(M: Array, least: float = 0.0) -> tuple[Array, Array, Mask]:
     safe = _with_identity(positive, M)
     d = np.sqrt(safe.diagonal(axis1=-2, axis2=-1))
     dd = d[..., :, None] * d[..., None, :]
-    r, V = np.linalg.eigh(safe / dd)
+    r, V = eigenpairs(safe / dd)
     regular = positive & (r[..., 0] > max(least, p * ROUNDING))
     is_regular = regular.all()
     if not is_regular:
@@ -176,7 +176,7 @@ def unit_spectrum(M: Array) -> tuple[Array, Array, Array]:
     """
     d = np.sqrt(np.maximum(np.diagonal(M, axis1=-2, axis2=-1), 0.0))[..., None, :]
     scale = unit_scale(np.square(d))
-    r, V = np.linalg.eigh(M / scale / np.swapaxes(scale, -1, -2))
+    r, V = eigenpairs(M / scale / np.swapaxes(scale, -1, -2))
     return r, V, d
 
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from criteria.linalg.inverse import EPS, NEGATIVE, ROUNDING, root, unit_scale
+from criteria.linalg.inverse import EPS, NEGATIVE, ROUNDING, eigenpairs, root, unit_scale
 from criteria.linalg.typing import Array, Mask
 
 if TYPE_CHECKING:
@@ -182,7 +182,7 @@ def _negative_trace(scaled: Array, d: Array) -> float:
         d: Scales (q,).
     """
     S = scaled * np.outer(d, d)
-    s, V = np.linalg.eigh(S)
+    s, V = eigenpairs(S)
     lost = ROUNDING * len(S) * float(np.abs(s).max())
     simple = float(-np.minimum(s, 0.0).sum()) + lost
     m = int((s < lost).sum())

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from criteria.linalg.inverse import eigenpairs
 from edtk.calibration.planned import planned_measurements
 from edtk.calibration.template import visit_order
 from edtk.design.candidate_source import sample_feasible
@@ -382,7 +383,7 @@ def right_share(gram: Array, faults: Pair) -> float:
         faults: The two faults.
     """
     rng = np.random.default_rng(SIMULATED.seed)
-    values, vectors = np.linalg.eigh(gram)
+    values, vectors = eigenpairs(gram)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     first = faults[0].family.dims
     parts = (slice(0, first), slice(first, len(gram)))
@@ -413,7 +414,7 @@ def _gain(s: Array, gram: Array, fault: SizedFamily) -> Array:
     `rarity` for the mixture of such sizes.
     """
     family = fault.family
-    values, vectors = np.linalg.eigh(gram)
+    values, vectors = eigenpairs(gram)
     values = np.maximum(values, 0.0)[:, None]
     t2 = (family.usual / fault.size * FACTORS) ** 2 / family.dims
     posterior = t2 / (1 + t2 * values)  # (dims, factors)

@@ -6,6 +6,7 @@ from typing import Self
 
 import numpy as np
 
+from criteria.linalg.inverse import eigenpairs
 from edtk.calibration.model_left import ModelLeft
 from edtk.calibration.told_part import Inverse, LeastSquaresInverse
 from edtk.findings.causes.faults import FAULTS
@@ -372,7 +373,7 @@ def root_of_known(std: Array, precision: Array) -> Array:
         precision: W (c, c), the inverse of the covariance that is left, in units of these: one
             before any measurement, to which ``S N N' S`` is added by their columns N.
     """
-    values, vectors = np.linalg.eigh(precision)
+    values, vectors = eigenpairs(precision)
     return np.asarray(std[:, None] * ((vectors / np.sqrt(values)) @ vectors.T))
 
 
@@ -407,7 +408,7 @@ def root_of_difference(whole: Array, part: Array) -> Array:
     """A root E (p, p) of what a covariance has beside a part of it."""
     std = np.sqrt(np.diag(whole))
     scale = np.where(std > 0, std, 1.0)
-    values, vectors = np.linalg.eigh((whole - part) / scale / scale[:, None])
+    values, vectors = eigenpairs((whole - part) / scale / scale[:, None])
     return np.asarray(scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0)))
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from criteria.linalg.estimable import directions_in_words
-from criteria.linalg.inverse import EPS, ROUNDING, unit_scale
+from criteria.linalg.inverse import EPS, ROUNDING, eigenpairs, unit_scale
 from criteria.linalg.models import Models
 from criteria.linalg.spectrum import orthogonal_columns
 from edtk.system.typing import Array, Mask
@@ -72,7 +72,7 @@ class Conditioning:
     def of_information(cls, mean: Array) -> "Conditioning":
         """From the mean information (p, p), which has the squares of the singular values."""
         scale = unit_scale(np.diag(mean))
-        r, V = np.linalg.eigh(mean / np.outer(scale, scale))
+        r, V = eigenpairs(mean / np.outer(scale, scale))
         least = np.sqrt(len(mean) * ROUNDING * max(float(r[-1]), 1.0))
         return cls(scale, np.sqrt(np.maximum(r, 0.0)), V, float(least), CLEAR_OF_SQUARES, True)
 

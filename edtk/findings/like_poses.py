@@ -7,6 +7,7 @@ from itertools import product
 import numpy as np
 from scipy.linalg import solve_triangular
 
+from criteria.linalg.inverse import eigenpairs
 from edtk.findings.causes.evidence import FACTORS, WEIGHTS
 from edtk.findings.fit_rows import FitRows, SizedColumns
 from edtk.measure.few_columns import spanning
@@ -129,7 +130,7 @@ def _gains(M: Array, r: Array, usual: float) -> Array:
         r: ``C'Pz`` (s, c).
         usual: Length of the coefficients that such a cause usually has.
     """
-    values, vectors = np.linalg.eigh(M)
+    values, vectors = eigenpairs(M)
     squares = np.square(usual * FACTORS)[:, None, None] / r.shape[1]
     grown = 1 + squares * np.maximum(values, 0.0)
     along = squares * np.square(r[:, None] @ vectors)[:, 0] / grown

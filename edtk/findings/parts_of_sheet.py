@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from criteria.linalg.inverse import TINY
+from criteria.linalg.inverse import TINY, eigenpairs
 from edtk.findings.causes.faults import UNITS
 from edtk.findings.nonlinear_part import known_part
 from edtk.fit.measurements import Measurements
@@ -385,7 +385,7 @@ class _Sums:
             ]
             for mine, its in zip(self._of_rows, other._of_rows, strict=True)
         )
-        values, vectors = np.linalg.eigh(G)
+        values, vectors = eigenpairs(G)
         along = np.einsum("mpk,mp->mk", vectors, b)
         told = values > PARTS.singular * values[:, -1:]
         left = s - np.where(told, along**2 / np.where(told, values, 1.0), 0.0).sum(axis=1)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from criteria.linalg.inverse import eigenpairs
 from edtk.fit.correlated_noise import CorrelatedNoise, RowNoise, groups_by_size
 from edtk.fit.distributions import chi_square_tail
 from edtk.fit.missing import MissingColumns, SizeLikelihood, SizePosterior
@@ -157,7 +158,7 @@ def _chances(P: Array, Py: Array, std: Array) -> Array:
     Their squares are chi-square, with as many degrees of freedom as P (m, rows, rows) has
     eigenvalues that are not zero, in units of standard deviations (m, rows).
     """
-    values, axes = np.linalg.eigh(std[:, :, None] * P * std[:, None])
+    values, axes = eigenpairs(std[:, :, None] * P * std[:, None])
     told = values > DETERMINED
     along = np.einsum("mrs,mr->ms", axes, std * Py)
     squares = np.where(told, along**2 / np.where(told, values, 1.0), 0.0).sum(axis=1)

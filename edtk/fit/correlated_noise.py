@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.linalg.inverse import eigenpairs
 from edtk.system.typing import Array, Indices, Mask
 
 MANY_ROWS = 2000  # rows, beyond which pandas is quicker
@@ -113,7 +114,7 @@ class NoiseBlocks:
         if len(bad):
             raise NotPositiveDefiniteError(int(self.members[bad[0]].min()), np.nan)
         correlation = self.covariance / (self.std[:, :, None] * self.std[:, None])
-        values, vectors = np.linalg.eigh(correlation)
+        values, vectors = eigenpairs(correlation)
         bad = np.flatnonzero(values[:, 0] < LEAST_EIGENVALUE * values.shape[1])
         if len(bad):
             row = int(self.members[bad[0]].min())

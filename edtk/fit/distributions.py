@@ -10,6 +10,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from criteria.linalg.inverse import eigenpairs
 from edtk.measure.expected_error import TaskAccuracy, compensation_accuracy
 from edtk.measure.task import Tasks
 from edtk.system.typing import Array
@@ -245,7 +246,7 @@ def _quantiles_about(mean: Array, V: Array, levels: ArrayLike, dof: float) -> Ar
     z = ndtri(points[:, :rows])
     if np.isfinite(dof):
         z /= np.sqrt(chi_square_quantile(points[:, rows:], dof) / dof)
-    spectrum, axes = np.linalg.eigh(V)
+    spectrum, axes = eigenpairs(V)
     for i in np.flatnonzero(offset):
         along = z * np.sqrt(np.maximum(spectrum[i], 0.0)) + mean[i] @ axes[i]
         found[i] = np.quantile(np.linalg.norm(along, axis=1), levels)
@@ -324,7 +325,7 @@ class NormalMixture:
         z = ndtri(points[:, :rows])
         if np.isfinite(self.dof):
             z = z / np.sqrt(chi_square_quantile(points[:, rows:], self.dof) / self.dof)
-        spectrum, axes = np.linalg.eigh(self.covariance[:, t])
+        spectrum, axes = eigenpairs(self.covariance[:, t])
         roots = axes * np.sqrt(np.maximum(spectrum, 0.0))[:, None]
         errors = self.mean[:, t, None] + np.einsum("sri,ni->snr", roots, z)
         share = np.repeat(self.weights / len(z), len(z))

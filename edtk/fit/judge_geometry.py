@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from criteria.linalg.inverse import eigenpairs
 from edtk.fit.distributions import student_quantile
 from edtk.fit.fitted_geometry import (
     FittedGeometry,
@@ -330,7 +331,7 @@ class _SomePoses:
             np.linalg.cholesky(left - ALONE * self.work)
         except np.linalg.LinAlgError:
             root = np.linalg.inv(np.linalg.cholesky(self.work))
-            values, vectors = np.linalg.eigh(root @ left @ np.swapaxes(root, 1, 2))
+            values, vectors = eigenpairs(root @ left @ np.swapaxes(root, 1, 2))
             told = values > ALONE
             inverse = np.divide(told, values, out=np.zeros_like(values), where=told)
             both = np.swapaxes(root, 1, 2) @ vectors
@@ -451,7 +452,7 @@ class _LeftOutPoses:
         size = 1 + WHITE_SHARE
         P = own @ self.H @ own.T / size
         V = np.eye(len(own)) / size
-        left, U = np.linalg.eigh(np.eye(len(own)) - P)
+        left, U = eigenpairs(np.eye(len(own)) - P)
         told = left > UNTOLD
         hidden = (U[:, told] / left[told]) @ U[:, told].T
         of_residual = V - P @ V - V @ P + own @ self.covariance @ own.T / size

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from criteria.linalg.inverse import guarded_inverse
+from criteria.linalg.inverse import eigenpairs, guarded_inverse
 from edtk.fit.correlated_noise import AnyNoise, CorrelatedNoise, whiten_columns
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
@@ -248,7 +248,7 @@ class Whitened:
         """
         if self.correlated is None:
             return self.Q, z
-        values, vectors = np.linalg.eigh(self.correlated.precision())
+        values, vectors = eigenpairs(self.correlated.precision())
         root = (vectors / np.sqrt(values)[:, None]) @ np.swapaxes(vectors, 1, 2)
         return root @ self.by_reading(), (root @ self.correlated.adjoint(z)[..., None])[..., 0]
 
@@ -288,7 +288,7 @@ class LeftOut:
         alone = np.zeros_like(G)
         # The least eigenvalue is at least one less the trace of G: most groups need none.
         suspects = np.flatnonzero(np.einsum("bpp->b", G) > 1 - NEARLY)
-        values, vectors = np.linalg.eigh(left[suspects])
+        values, vectors = eigenpairs(left[suspects])
         own = values < ALONE
         alone[suspects] = (vectors * own[:, None]) @ np.swapaxes(vectors, 1, 2)
         inverse = np.linalg.inv(left + alone) - alone

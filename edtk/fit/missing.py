@@ -7,6 +7,7 @@ from math import comb
 
 import numpy as np
 
+from criteria.linalg.inverse import eigenpairs
 from edtk.fit.correlated_noise import RowNoise, groups_by_size, whiten_columns, whole_groups
 from edtk.measure.friction import scatter
 from edtk.measure.missing_pieces import SPREAD_ACROSS, PieceColumns, PossibleSprings
@@ -222,7 +223,7 @@ class SizeLikelihood:
         squares = np.square(SIZES)[:, None]
         found = np.empty((*rest.shape, len(SIZES), len(masks)))
         for place, mask in enumerate(masks):
-            values, axes = np.linalg.eigh(R[..., mask, :][..., mask])
+            values, axes = eigenpairs(R[..., mask, :][..., mask])
             mean = before[: len(mask)][mask]
             along = (mean + SIZES[:, None] * r[..., None, mask]) @ axes
             gain = 1 + squares * np.maximum(values, 0.0)[..., None, :]
@@ -326,7 +327,7 @@ def _of_poses(X: Array, T: Array) -> tuple[Array, Array]:
     X = X.reshape(len(X), -1, X.shape[-1])
     T = T.reshape(len(T), -1, T.shape[-1])
     transposed = np.swapaxes(T, 1, 2)
-    values, axes = np.linalg.eigh(transposed @ T)
+    values, axes = eigenpairs(transposed @ T)
     return np.maximum(values, 0.0), np.swapaxes(axes, 1, 2) @ (transposed @ X)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from criteria.linalg.inverse import eigenpairs
 from edtk.fit.correlated_noise import CorrelatedNoise
 from edtk.fit.distributions import chi_square_tail, fisher_tail
 from edtk.fit.least_squares import SingularPlanError, Whitened
@@ -179,7 +180,7 @@ def _deletion(Q: Array, z: Array) -> tuple[Array, Indices]:
     solved = np.linalg.solve(keep[~alone], z[~alone, :, None])[..., 0]
     T[~alone] = (z[~alone] * solved).sum(axis=1)
     if alone.any():
-        w, V = np.linalg.eigh(keep[alone])
+        w, V = eigenpairs(keep[alone])
         tested = w > DETERMINED
         component = np.einsum("mrs,mr->ms", V, z[alone])
         squares = np.where(tested, component**2 / np.where(tested, w, 1.0), 0.0)
@@ -415,7 +416,7 @@ def _majorant(data: _Data, x: Array, corner: float) -> Array:
 
 def _stepped(R: Array, x: Array, slope: Array, curvature: Array, least: float) -> Array | None:
     """The minimiser (p,) above the bound of a quadratic about x; None where it has none."""
-    w, V = np.linalg.eigh(curvature)
+    w, V = eigenpairs(curvature)
     if w[0] <= HUBER.singular:
         return None
     if np.isneginf(least):

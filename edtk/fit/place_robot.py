@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 
+from criteria.linalg.inverse import eigenpairs
 from edtk.fit.marker_positions import MarkerPositions
 from edtk.fit.pose_rows import (
     MOST_EVALUATIONS,
@@ -147,7 +148,7 @@ def linear_misfits(carried: Array, measured: Array, seen: Mask) -> Array:
     G[:, 12, 12] = np.square(y).sum(axis=(1, 2))
     by_place = taken.reshape(w, -1, 13)
     G -= np.swapaxes(by_place, 1, 2) @ by_place
-    values, axes = np.linalg.eigh(G[:, :12, :12])
+    values, axes = eigenpairs(G[:, :12, :12])
     kept = values > OPEN**2 * values[:, -1:]
     along = (np.swapaxes(axes, 1, 2) @ G[:, :12, 12:])[..., 0]
     told = np.where(kept, along**2 / np.where(kept, values, 1.0), 0.0).sum(axis=1)

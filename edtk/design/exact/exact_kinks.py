@@ -23,6 +23,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from criteria.linalg.inverse import eigenpairs
 from criteria.linalg.typing import triangle
 from edtk.design.exact.exact_nodes import NEAR_AT_KINKS, Merits, Nodes, is_near
 from edtk.design.exact.exact_weights import (
@@ -129,9 +130,9 @@ class _Scaling:
     @classmethod
     def of(cls, point: _Point) -> "_Scaling":
         """Those of a point."""
-        z, V = np.linalg.eigh(point.Z)
+        z, V = eigenpairs(point.Z)
         root = np.sqrt(np.maximum(z, ROUNDING_OF_OTHERS * z[:, -1:]))[:, None]
-        d, Q = np.linalg.eigh(_turned(V * root, point.S))
+        d, Q = eigenpairs(_turned(V * root, point.S))
         return cls(V * root @ Q, V / root @ Q, np.maximum(d, ROUNDING_OF_OTHERS * d[:, -1:]))
 
     @property

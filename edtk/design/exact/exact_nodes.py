@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from criteria import Relaxable
-from criteria.linalg.inverse import EPS
+from criteria.linalg.inverse import EPS, eigenpairs
 from criteria.linalg.typing import triangle
 from edtk.design.information import order, unpack
 from edtk.system.typing import Array, Indices, Mask
@@ -558,7 +558,7 @@ class Merits:
         Rounding may leave them eigenvalues below zero, which are raised to none. They are no
         numbers where a matrix proves nothing: what is no number bounds no merit.
         """
-        z, V = np.linalg.eigh(0.5 * (Z + np.swapaxes(Z, 1, 2)))
+        z, V = eigenpairs(0.5 * (Z + np.swapaxes(Z, 1, 2)))
         Z = V * np.maximum(z, 0.0)[:, None] @ np.swapaxes(V, 1, 2)
         X = self.regular(X)
         polars = self.criterion.polars(Z, X)

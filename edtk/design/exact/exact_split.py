@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from criteria.linalg.inverse import eigenpairs
 from edtk.design.exact.exact_nodes import Merits, Nodes
 from edtk.system.typing import Array, Indices, Mask
 
@@ -23,7 +24,7 @@ def halved_order(points: Array) -> Indices:
     n = len(points)
     levels = max(0, int(np.ceil(np.log2(max(n, 1)))))
     centred = points - points.mean(axis=0)
-    _, V = np.linalg.eigh(centred.T @ centred)
+    _, V = eigenpairs(centred.T @ centred)
     places = centred @ V[:, ::-1][:, :AXES]
     # Places without a point are beyond all others, so that they stay last in every half.
     places = np.concatenate([places, np.full((2**levels - n, places.shape[1]), np.inf)])

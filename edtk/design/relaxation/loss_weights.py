@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from criteria.linalg.inverse import whitener
+from criteria.linalg.inverse import eigenpairs, whitener
 from criteria.linalg.typing import triangle
 from criteria.relaxable import Losses
 from edtk.design.relaxation.master_equations import (
@@ -275,6 +275,6 @@ class _Point(PathPoint[_Direction]):
             one = np.ones(len(triangle(own.shape[1])[0]))
             curved.append(np.sqrt(u) * each.squares(self.active.triangles(own, one)))
         q = self.u / self.c
-        values, U = np.linalg.eigh(np.diag(q) - np.outer(q, q) / q.sum())
+        values, U = eigenpairs(np.diag(q) - np.outer(q, q) / q.sum())
         among = (np.sqrt(np.maximum(values, 0.0)) * U).T @ self.J
         return weight_equations(np.vstack([*curved, among]), self.s / self.w, most=np.inf)

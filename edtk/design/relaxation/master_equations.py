@@ -7,7 +7,7 @@ from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 
 import numpy as np
 
-from criteria.linalg.inverse import whitener_of_regular
+from criteria.linalg.inverse import eigenpairs, whitener_of_regular
 from criteria.linalg.models import Models
 from criteria.linalg.typing import triangle
 from criteria.relaxable import SpectralBand
@@ -164,7 +164,7 @@ def definite_duals(band: SpectralBand, near: Array) -> Array:
         Y, and Z where there is an upper bound.
     """
     S = np.linalg.inv(band.cap)
-    z, V = np.linalg.eigh(S @ near @ S.T)
+    z, V = eigenpairs(S @ near @ S.T)
     F = band.cap @ V
     above = (F * np.maximum(z, 0.0)) @ F.T
     if not band.a:

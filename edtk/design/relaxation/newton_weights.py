@@ -7,7 +7,7 @@ import numpy as np
 
 from criteria import Relaxable
 from criteria.criterion import derivatives
-from criteria.linalg.inverse import EPS, whitener_of_regular
+from criteria.linalg.inverse import EPS, eigenpairs, whitener_of_regular
 from criteria.linalg.typing import triangle
 from edtk.design.relaxation.master_equations import (
     SHORTEST,
@@ -244,6 +244,6 @@ class _Point:
         d = np.sqrt(np.diag(self.M))
         dd = d[rows] * d[columns]
         _, _, K = derivatives(self.criterion, self.M[None])
-        values, V = np.linalg.eigh(K[0] * np.outer(dd, dd) / self.cost)
+        values, V = eigenpairs(K[0] * np.outer(dd, dd) / self.cost)
         root = np.sqrt(np.maximum(values, 0.0))[:, None] * V.T
         return np.asarray(root @ self.active.triangles(np.diag(1.0 / d), np.ones(len(rows))))

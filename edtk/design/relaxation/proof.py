@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from criteria import Criterion, Relaxable
-from criteria.linalg.inverse import EPS, ROUNDING, unit_scale, whitener
+from criteria.linalg.inverse import EPS, ROUNDING, eigenpairs, unit_scale, whitener
 from edtk.design.problem import Problem
 from edtk.system.typing import Array, Indices
 
@@ -178,7 +178,7 @@ def _semidefinite(Z: Array, T: Array) -> Array:
     which it has a rounding of zero gets zeros: other units would make that of order one.
     """
     S = np.linalg.inv(T)
-    z, V = np.linalg.eigh(S @ Z @ S.T)
+    z, V = eigenpairs(S @ Z @ S.T)
     if z[0] < 0:
         F = T @ V * np.sqrt(np.maximum(z, 0.0))
         Z = F @ F.T

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from criteria import Criterion, Relaxable
+from criteria.linalg.inverse import eigenpairs
 from edtk.design.bound import BLURRED, Bound, BoundKind
 from edtk.design.candidate_source import Candidates
 from edtk.design.problem import RankDeficientError
@@ -315,7 +316,7 @@ def _lifted(Z: Array) -> Array:
     """
     d = np.sqrt(np.maximum(np.diagonal(Z, axis1=1, axis2=2), np.finfo(float).tiny))
     scale = d[:, :, None] * d[:, None]
-    z, V = np.linalg.eigh(Z / scale)
+    z, V = eigenpairs(Z / scale)
     return np.asarray((V * np.maximum(z, 0.0)[:, None]) @ np.swapaxes(V, 1, 2) * scale)
 
 

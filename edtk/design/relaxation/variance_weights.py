@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from criteria.linalg.inverse import whitener
+from criteria.linalg.inverse import eigenpairs, whitener
 from criteria.linalg.typing import isometric, triangle
 from edtk.design.relaxation.loss_weights import FIRST_OF_LIMIT
 from edtk.design.relaxation.master_equations import (
@@ -163,7 +163,7 @@ class _Point(PathPoint[_Direction]):
         """Eigenvalues l (p,) and eigenvectors V (p, p) of ``T' L T``."""
         rows = np.sqrt(self.u)[:, None, None] * self.turned
         flat = rows.reshape(-1, rows.shape[-1])
-        l, V = np.linalg.eigh(flat.T @ flat)  # noqa: E741, the letter of the formula
+        l, V = eigenpairs(flat.T @ flat)  # noqa: E741, the letter of the formula
         return np.maximum(l, 0.0), V
 
     @cached_property

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.linalg.inverse import TINY
+from criteria.linalg.inverse import TINY, eigenpairs
 from edtk.fit.correlated_noise import RowNoise, groups_by_size, whiten_columns
 from edtk.fit.distributions import chi_square_tail, fisher_tail, log_normal_below
 from edtk.fit.estimate_noise import Stratum
@@ -89,7 +89,7 @@ def likely_size(c: Array, covariance: Array, usual: ArrayLike) -> tuple[Array, A
     cost = _costs(c, covariance, usual, np.array(False))
     weights = WEIGHTS * np.exp(-(cost - cost.min(axis=-1, keepdims=True)) / 2)
     weights = (weights / weights.sum(axis=-1, keepdims=True))[..., None]
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = eigenpairs(covariance)
     t2 = _variances(usual, c.shape[-1])[..., None]
     kept = t2 / (np.maximum(values, 0.0)[..., None, :] + t2)
     means = (c[..., None, :] @ vectors) * kept
@@ -109,7 +109,7 @@ def _variances(usual: Array, dims: int) -> Array:
 def _costs(c: Array, covariance: Array, usual: Array, only_positive: Mask) -> Array:
     """Twice the negative logarithms (..., factors) of the shares over normal sizes."""
     t2 = _variances(usual, c.shape[-1])[..., None]
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = eigenpairs(covariance)
     # Rounding may leave no variance at all, and then a quotient by it would overflow.
     values = np.maximum(values, np.finfo(float).tiny)[..., None, :]
     along = (c[..., None, :] @ vectors) ** 2
@@ -223,7 +223,7 @@ class ErringRows:
         for members in groups_by_size(data.pose):
             place = (members[..., None] * rows + np.arange(rows)).reshape(len(members), -1)
             L = roots[members].reshape(*place.shape, -1)
-            values, vectors = np.linalg.eigh(L @ np.swapaxes(L, 1, 2))
+            values, vectors = eigenpairs(L @ np.swapaxes(L, 1, 2))
             e[place] = np.where(values > ORDER * values[:, -1:], values, 0.0)
             turns.append((place, vectors))
         return cls(e, tuple(turns))
@@ -517,7 +517,7 @@ class _Node:
         if not self.usual.shape[1]:
             return np.asarray(base[..., None])
         usual = self.usual[:, None]  # (h, 1, c)
-        m, V = np.linalg.eigh(usual[..., None] * M * usual[..., None, :])
+        m, V = eigenpairs(usual[..., None] * M * usual[..., None, :])
         f = FACTORS[:, None]
         grown = 1 + f**2 * np.maximum(m, 0.0)[..., None, :]  # (h, S, F, c)
         along = ((usual * r)[..., None, :] @ V) * f

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from criteria.linalg.inverse import eigenpairs
 from edtk.findings.causes.evidence import rarity, reading_rarity
 from edtk.findings.causes.family import Cause, Tried
 from edtk.fit.correlated_noise import whiten
@@ -213,7 +214,7 @@ def shifted(
     rows = [np.flatnonzero(group == number) for number in numbers]
     gram, along = by_shifts(whitened, whitened.residual(measured), rows, units)
     # In usual sizes; what springs take up of a shift, nobody sees.
-    values, vectors = np.linalg.eigh(gram * np.outer(usual, usual))
+    values, vectors = eigenpairs(gram * np.outer(usual, usual))
     seen = values > SEEN * values.sum(axis=1, keepdims=True)
     parts = ((along * usual)[:, None] @ vectors)[:, 0]
     back = np.divide(parts, values, out=np.zeros_like(parts), where=seen)

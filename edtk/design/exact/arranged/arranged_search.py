@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from criteria import Criterion
+from criteria.linalg.inverse import eigenpairs
 from edtk.design.exact.arranged.settings import NO_RUNS, Move, Settings
 from edtk.design.exact.counts.counts_search import RIDGE, FoundPlaces, Record
 from edtk.design.exact.counts.prices import GAIN, least_gain
@@ -59,7 +60,7 @@ class _Block:
     def of(cls, move: Move, W: Array) -> "_Block":
         """The part of a precision W (m, m) that a move is about."""
         own = W[np.ix_(move.runs, move.runs)]
-        r, V = np.linalg.eigh(own)
+        r, V = eigenpairs(own)
         # Fixed effects leave directions of which the runs tell nothing.
         told = r > 1e-12 * max(float(r[-1]), np.finfo(float).tiny)
         root = V[:, told] * np.sqrt(r[told])

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from criteria import Criterion, Relaxable
-from criteria.linalg.inverse import root
+from criteria.linalg.inverse import eigenpairs, root
 from edtk.design.exact.counts.counts_bound import Decomposition, RelaxedCounts, Scatter
 from edtk.design.exact.counts.counts_search import draw_places
 from edtk.design.exact.counts.limits import Limits
@@ -247,7 +247,7 @@ class _Nodes:
 def _without_least(w: Array) -> tuple[Array, float]:
     """Centred vectors (n, e) as (n, n), without the least eigenvalue of their products, and it."""
     n = len(w)
-    r, V = np.linalg.eigh(w @ w.T + np.ones((n, n)) * float((w**2).sum()))
+    r, V = eigenpairs(w @ w.T + np.ones((n, n)) * float((w**2).sum()))
     # The vector of ones has the largest eigenvalue by far, and is left out.
     least = max(float(r[:-1].min()), 0.0) * (1 - SAME_BLOCK) if n > 1 else 0.0
     return V[:, :-1] * np.sqrt(np.maximum(r[:-1] - least, 0.0)), least

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from criteria.linalg.inverse import EPS
+from criteria.linalg.inverse import EPS, eigenpairs
 from edtk.design.exact.counts.determinant_prices import DETERMINANTS_AT_ONCE, PRICES_AT_ONCE
 from edtk.design.exact.counts.limits import Limits
 from edtk.design.exact.counts.prices import GAIN, ROUNDINGS, Prices, Pricing
@@ -86,7 +86,7 @@ class LeastEigenvaluePrices(Prices):
         """
         own = self.pricing.rows[self.places[:, place]]
         rest = self.M - own[:, :, None] * own[:, None]
-        d, V = np.linalg.eigh(rest)
+        d, V = eigenpairs(rest)
         squares = np.square(self.pricing.rows @ V)
         low = np.maximum(self.least * (1 + self.part), d[:, 0])
         low += AWAY * (d[:, 1] - d[:, 0])

@@ -7,7 +7,7 @@ import numpy as np
 
 from criteria import Criterion, Relaxable, create
 from criteria.criterion import DeterminantCriterion
-from criteria.linalg.inverse import root
+from criteria.linalg.inverse import eigenpairs, root
 from criteria.linalg.models import Models
 from criteria.several_criteria import SeveralCriteria
 from edtk.design.exact.counts.any_prices import AnyPricing
@@ -99,7 +99,7 @@ def _with_kinks(criterion: Criterion, rows: Array, limits: Limits, mean: Array) 
     band = criterion.spectral_band(p)
     if band is None or band.a or p == 1:
         return None
-    values, V = np.linalg.eigh(band.floor)
+    values, V = eigenpairs(band.floor)
     if not values[0] * KEEPS_EIGENVALUES > values[-1]:
         return None
     # The least t with M >= t F is an eigenvalue in parameters in which F is the identity.

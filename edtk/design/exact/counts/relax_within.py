@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from criteria import Criterion, Relaxable
+from criteria.linalg.inverse import eigenpairs
 from edtk.design.bound import Bound, BoundKind
 from edtk.design.exact.counts.counts_bound import Decomposition
 from edtk.design.problem import Problem, RankDeficientError
@@ -59,7 +60,7 @@ class PlansWithin:
         silent = np.zeros((p, p))
         for _ in range(2 * p):
             M = unit[:, None] * self.information(np.mean(plans, axis=0)) * unit
-            values, V = np.linalg.eigh(M + silent)
+            values, V = eigenpairs(M + silent)
             least = FADED * float(np.trace(M))
             if values[0] > least:
                 break
