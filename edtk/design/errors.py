@@ -24,7 +24,7 @@ from scipy.spatial.distance import cdist
 
 from criteria.linalg.inverse import EPS
 from edtk.system.arguments import checked, is_number
-from edtk.system.errors import LARGEST, ArgumentError, finite_numbers, whole_number
+from edtk.system.errors import LARGEST_NUMBER, ArgumentError, finite_numbers, whole_number
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices
 
@@ -303,7 +303,7 @@ class Errors(Presented):
     def _of_matrix(cls, V: Array, words: str) -> "Errors":
         """Noise of a covariance (m, m), which must be definite."""
         r = np.linalg.eigvalsh(V)
-        if not r[0] > max(SINGULAR * r[-1], 1.0 / LARGEST):
+        if not r[0] > max(SINGULAR * r[-1], 1.0 / LARGEST_NUMBER):
             message = "the covariance of the runs is not positive definite"
             hint = ", some runs are at one place: expected a nugget above 0"
             is_one_place = "distance" in words and r[0] > -SINGULAR * r[-1]

@@ -4,11 +4,12 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 
 from edtk.measure.expected_error import AssumedError, AssumedJoint
+from edtk.system.arguments import is_number
 from edtk.system.errors import UserError
 from edtk.system.files import read_text
 from edtk.system.parsing import parse_json
@@ -250,7 +251,7 @@ def _by_joint(
         return None
     numbers = [value.get(joint) if isinstance(value, Mapping) else None for joint in joints]
     for joint, number in zip(joints, numbers, strict=True):
-        if not _is_number(number) or not abs(number) <= LARGEST_COMPLIANCE:
+        if not is_number(number) or not abs(number) <= LARGEST_COMPLIANCE:
             message = f"expected a number from {-LARGEST_COMPLIANCE:g} to {LARGEST_COMPLIANCE:g}"
             raise UserError(message, where=where, key=f"{key}.{joint}")
     return np.array(numbers, dtype=float)
@@ -303,7 +304,7 @@ def _degrees_of_freedom(value: Any, where: Path | str | None) -> float:
     """A number of a sensible size; without it sigma was known, which is inf."""
     if value is None:
         return np.inf
-    if not _is_number(value) or not LEAST_DOF <= value <= MOST_DOF:
+    if not is_number(value) or not LEAST_DOF <= value <= MOST_DOF:
         message = f"expected a number from {LEAST_DOF:g} to {MOST_DOF:g}, or null for known sigma"
         raise UserError(message, where=where, key="covariance_dof")
     return float(value)
@@ -316,17 +317,12 @@ def _optional(value: Any, key: str, where: Path | str | None) -> float | None:
 
 def _not_negative(value: Any, key: str, where: Path | str | None) -> float:
     """A number of a sensible size that is not negative."""
-    if not _is_number(value) or not 0 <= value <= LARGEST_COMPLIANCE:
+    if not is_number(value) or not 0 <= value <= LARGEST_COMPLIANCE:
         given = f"{json.dumps(value, default=str):.40}"
         raise UserError(
             f"expected a number from 0 to {LARGEST_COMPLIANCE:g}, got {given}", where=where, key=key
         )
     return float(value)
-
-
-def _is_number(value: Any) -> TypeGuard[float]:
-    """Whether a value is a number; true and false, which Python counts as numbers, are not."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _covariance(

@@ -17,7 +17,7 @@ WHERE = 90  # characters of a path, in a line that is too long
 KEY = 60  # characters of a key
 QUOTATION = 60  # characters of a quoted value
 NO_NUMBERS = "SUMmc"  # kinds of arrays that are texts, dates, times and complex numbers
-LARGEST = 1e150  # of numbers that a call may be given: their squares are numbers, too
+LARGEST_NUMBER = 1e150  # of numbers that a call may be given: their squares are numbers, too
 MOST_SEARCHED = 4000  # a longer text is cut before the search for quotations, which takes time
 
 
@@ -211,7 +211,7 @@ def finite_numbers(given: object, argument: str) -> "Array":
     import numpy as np
 
     found = real_numbers(given, argument)
-    if not (np.abs(found) <= LARGEST).all():
-        message = f"expected finite numbers, at most {LARGEST:g}"
+    if not (np.abs(found) <= LARGEST_NUMBER).all():
+        message = f"expected finite numbers, at most {LARGEST_NUMBER:g}"
         raise ArgumentError(message, argument=argument)
     return found

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from edtk.design.linear_constraints import Linear, LinearConstraints, with_triple
 from edtk.design.problem import Problem
 from edtk.design.relaxation.weight_limits import WeightLimits
-from edtk.system.errors import LARGEST, ArgumentError, finite_numbers
+from edtk.system.errors import LARGEST_NUMBER, ArgumentError, finite_numbers
 from edtk.system.typing import Array, Indices, Mask
 
 ROUNDING = 1e-9  # part of a size by which sums of limits may be off it
@@ -102,10 +102,8 @@ class Budgets:
         if not (funds > 0).all():
             raise ArgumentError("expected above 0", argument="cost_budget", given=budget)
         found = cls(prices, np.atleast_1d(funds), each.ndim == 1)
-        if not 1.0 / LARGEST <= found.bought.max() <= LARGEST:
-            message = (
-                f"buys {found.bought.max():g} experiments, expected {1 / LARGEST:g} to {LARGEST:g}"
-            )
+        if not 1.0 / LARGEST_NUMBER <= found.bought.max() <= LARGEST_NUMBER:
+            message = f"buys {found.bought.max():g} experiments, a number beyond sense"
             raise ArgumentError(message, argument="cost_budget", given=budget)
         return found
 
