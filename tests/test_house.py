@@ -5,12 +5,12 @@ from house import house
 
 # What may be at most. When a count has become better, its limit follows.
 LIMITS = {
-    "files": 495,
-    "statements": 62_250,
+    "files": 469,
+    "statements": 62_100,
     "one_function": 0.3,
     "circles": 0,
     "questions": 2,
-    "constants": 11.0,
+    "constants": 10.0,
     "ambiguous": 0,
 }
 
