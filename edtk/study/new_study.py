@@ -407,6 +407,9 @@ def _circumstances(found: FirstChoices) -> list[str]:
         "[measurement]",
         _line("rows", "position"),
         _line("sigma_mm", 0.03, f"{DECIDE} noise of a displacement, per coordinate"),
+        "",
+        _comment("# [noise]", "with both lines, plans count friction, bearings and links, too;"),
+        _comment("# model_error_percent = 10", "a search then takes three times as long"),
     ]
 
 

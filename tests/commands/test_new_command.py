@@ -181,3 +181,14 @@ def test_names_of_files_with_odd_characters(tmp_path: Path) -> None:
     assert not shown
     assert "characters that a study cannot hold" in error
     assert not (tmp_path / "study.toml").exists()
+
+
+def test_a_plan_that_counts_friction_is_two_marks_away(tmp_path: Path) -> None:
+    """The commented lines on the model's error, read as they are, make a study that counts it."""
+    out = tmp_path / "study.toml"
+    assert run("new", "--robot", "kuka_kr270", "--out", out)[0] == 0
+    plain = out.read_text()
+    said = plain.replace("# [noise]", "[noise]").replace("# model_error", "model_error")
+    assert said != plain
+    out.write_text(said)
+    assert edtk.load_study(out).specification.noise.model_error_percent == 10
