@@ -224,8 +224,7 @@ class Errors(Presented):
             message = "expected groups by the name of their stratum, such as {'day': 4}"
             raise ArgumentError(message, argument="groups")
         for name, own in groups.items():
-            if np.ndim(own) == 0:
-                whole_number(own, str(name), 1)
+            _require_groups(own, str(name))
         held = {} if hard is None else dict(hard)
         for kept in held.values():
             _require_factors(kept)
@@ -257,6 +256,7 @@ class Errors(Presented):
         if not is_number(correlation) or not -1 < correlation < 1:
             message = "expected a number between -1 and 1"
             raise ArgumentError(message, argument="correlation", given=correlation)
+        _require_groups(series, "series")
         words = f"noise that is correlated by {correlation:g} from run to run"
         return cls(correlation=Correlation(words, partial(_autoregressive, correlation, series)))
 
@@ -322,6 +322,7 @@ class Errors(Presented):
             series: Number of equal series of runs with a trend each, or their sizes.
         """
         order = whole_number(order, "order", 1)
+        _require_groups(series, "series")
         return cls(trends=(Trend(order, variance_of_effects(variance, "variance"), series),))
 
     def __add__(self, other: "Errors") -> "Errors":
@@ -497,6 +498,17 @@ def variance_of_effects(given: object, argument: str) -> float:
         message = f"expected above 0, at least {EPS:.1g} of the noise's"
         raise ArgumentError(message, argument=argument, given=given)
     return float(given)
+
+
+def _require_groups(given: Groups, name: str) -> None:
+    """Check that groups are a number, or a row of sizes or labels."""
+    try:
+        axes = np.ndim(given)
+    except ValueError:  # rows of several lengths
+        message = "expected a number of groups, their sizes, or a label for each run"
+        raise ArgumentError(message, argument=name) from None
+    if axes == 0:
+        whole_number(given, name, 1)
 
 
 def _require_factors(hard: object) -> None:

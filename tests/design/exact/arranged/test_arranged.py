@@ -243,6 +243,9 @@ def test_no_variance_of_effects_is_too_large(variance):
         (lambda: Errors.strata({"day": 2}, -1.0), "above 0"),
         (lambda: Errors.strata({"day": 2}, hard={"week": "w"}), "no stratum 'week'"),
         (lambda: Errors.strata({"day": "two"}), "whole number"),
+        (lambda: Errors.strata({"day": [[1, 2], 3]}), "day: expected a number of groups"),
+        (lambda: Errors.trend(series=[[1], [2, 3]]), "series: expected a number of groups"),
+        (lambda: Errors.autoregressive(0.3, 2.5), "series 2.5: expected a whole number"),
         (lambda: Errors.split_plot(5, 4), "names of factors"),
         (
             lambda: edtk.plan(
