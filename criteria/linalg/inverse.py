@@ -28,10 +28,11 @@ def eigenpairs(M: Array) -> tuple[Array, Array]:
     """Eigenvalues (..., n), ascending, and eigenvectors (..., n, n) of symmetric M (..., n, n).
 
     NumPy calls LAPACK's divide and conquer, which fails for one in some millions of ordinary
-    matrices of more than 25 columns. QR iterations, which are slower, find their eigenvalues.
+    matrices of more than 25 columns. QR iterations, which are slower, find their eigenvalues. Of a
+    matrix that is not finite there are none: NumPy returns NaN, or says that it did not converge.
 
     Raises:
-        LinAlgError: A number of M is not finite, or QR iterations do not converge either.
+        LinAlgError: QR iterations do not converge either, or were not tried, as M is not finite.
     """
     try:
         values, V = np.linalg.eigh(M)

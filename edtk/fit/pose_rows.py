@@ -247,7 +247,8 @@ def least_squares_fit(
         rounding = 2 * np.sqrt(at.cost * squares.rounding) + squares.rounding
         if better := fall >= LEAST_FALL * foreseen - rounding:
             u, at = u + step, after
-        # Where squares are rounding alone, as of exact readings, steps would go about for ever.
+        # Where the squares do not fall, a foreseen fall below their rounding is none: of exact
+        # readings steps would go about for ever.
         if foreseen <= max(LAST_FALL * at.cost, squares.rounding if fall > 0 else rounding):
             break
         if better:

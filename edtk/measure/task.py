@@ -249,7 +249,9 @@ class Task:
     @cached_property
     def moved(self) -> Columns:
         """How what counts moves with the parameters."""
-        return self.columns or partial(spring_columns, self.model, self.wrench)
+        if self.columns is None:
+            return partial(spring_columns, self.model, self.wrench)
+        return self.columns
 
     @cached_property
     def regressor(self) -> Array:

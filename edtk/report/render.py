@@ -70,10 +70,18 @@ def render(form: str, result: Any, *arguments: Any, **options: Any) -> Any:
         if hasattr(page, f"{name}_{form}"):
             return getattr(page, f"{name}_{form}")(result, *arguments, **options)
         if form in TABLES and hasattr(page, f"{name}_rows"):
+            _require_none(form, result, *arguments, **options)
             header, rows = getattr(page, f"{name}_rows")(result)
             notes = getattr(page, f"{name}_notes")(result) if hasattr(page, f"{name}_notes") else ()
             return TABLES[form](result.headline(), header, rows, notes)
-    return _headline_alone(form, result)
+    found = _headline_alone(form, result)
+    _require_none(form, result, *arguments, **options)
+    return found
+
+
+def _require_none(form: str, result: object, *arguments: Any, **options: Any) -> None:
+    if arguments or options:
+        raise TypeError(f"the {form} of a {type(result).__name__} takes no arguments or options")
 
 
 def _text(

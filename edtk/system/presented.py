@@ -12,8 +12,10 @@ class Presented:
     A class that inherits from it says `headline()`, and nothing else. The room `edtk.report`
     renders results, with one page for each family of them: `report/views/plan.py` holds the
     function `exact_plan_text(result)` that writes the `summary()` of an `ExactPlan`, and those of
-    the other forms. A class without such a function is rendered like its base class, at last like
-    any `Presented`.
+    the other forms. Where a table says it all, `plan_rows(result)` has its header and rows, and
+    `plan_notes(result)` perhaps the lines above it; text and notebook are made of them. So no other
+    function of a page may have such a name. A class without any of these is rendered like its base
+    class, at last like any `Presented`.
 
     `edtk.report` lies above all rooms that hold results, and some of it needs matplotlib. So it is
     looked up when it is called, and never imported with the class.

@@ -10,6 +10,7 @@ from readings import PLAN, STUDY, measured, readings_of
 from edtk.design.plan import Plan
 from edtk.findings.finding import Severity
 from edtk.findings.fitted_data import FittedData, HowFitted
+from edtk.findings.readings import OTHER
 from edtk.findings.springs import find_input_error, spring_findings
 from edtk.fit.equilibrium import equilibrium_deflection
 from edtk.fit.measurements import Measurements, simulate
@@ -271,6 +272,7 @@ def test_many_rows_of_few_poses(monkeypatch):
     not blamed on columns.
     """
     monkeypatch.setattr("edtk.findings.fitted_data.MOST_SEARCHED", 200)
+    monkeypatch.setattr("edtk.findings.readings.OTHER", replace(OTHER, enough_rows=200))
     data = measured(repeats=1)
     data = data[np.tile(np.arange(12), 20)]
     clean = data.regressor(STUDY.model) @ STUDY.compliances

@@ -70,10 +70,11 @@ def test_angles_of_some_rows_in_radians_are_named() -> None:
     assert "the angles look as if they were in radians; expected degrees" in found.words
 
 
-def test_other_misfits_are_no_unit() -> None:
+@pytest.mark.parametrize("seed", range(2))
+def test_other_misfits_are_no_unit(seed: int) -> None:
     """Springs that differ from row to row by a third, and noise of eight times its size."""
-    rng = np.random.default_rng(0)
-    data = measured(0)
+    rng = np.random.default_rng(seed)
+    data = measured(seed)
     softer = rng.uniform(0.7, 1.5, (len(data), 1)) * data.deflection
     noisy = data.deflection + rng.normal(0, 8 * STUDY.sigma, data.deflection.shape)
     for moved in (softer, noisy):

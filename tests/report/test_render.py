@@ -5,6 +5,7 @@ import pytest
 
 from edtk.calibration.posterior_check import PoseError
 from edtk.report.render import render
+from edtk.robots.load_robot import load_robot
 
 
 class Derived(PoseError):
@@ -24,3 +25,12 @@ def test_what_is_no_result_is_refused() -> None:
     """A number has no rendering."""
     with pytest.raises(TypeError, match="int is no result"):
         render("text", 3)
+
+
+def test_a_table_takes_no_further_arguments() -> None:
+    """Text and notebook of a result that is a table refuse what they would not look at."""
+    robot = load_robot("kuka_kr270")
+    assert render("text", robot) == robot.summary()
+    for arguments, options in (((1,), {}), ((), {"digits": 3})):
+        with pytest.raises(TypeError, match="the text of a Robot takes no arguments or options"):
+            render("text", robot, *arguments, **options)

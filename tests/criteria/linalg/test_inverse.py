@@ -163,7 +163,7 @@ def test_eigenpairs_are_found_where_divide_and_conquer_fails(failing):
     assert (np.diff(r) >= 0).all()
 
 
-def test_eigenpairs_of_what_is_not_finite_are_refused(failing):
-    """A stack with a matrix that is no numbers has none, and it is LAPACK that says so."""
+def test_no_second_way_is_tried_to_eigenpairs_of_what_is_not_finite(failing):
+    """Where the first way fails for a stack of NaN, its own error is what one sees."""
     with pytest.raises(np.linalg.LinAlgError, match="did not converge"):
         eigenpairs(np.full((2, 30, 30), np.nan))
