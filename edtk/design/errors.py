@@ -31,6 +31,9 @@ from edtk.system.typing import Array, Indices
 # Part of the largest eigenvalue of a covariance below which it counts as singular: what is left of
 # the noise of single runs must be far above rounding.
 SINGULAR = 1e-10
+# Of effects, in units of the noise's: what runs tell between groups alone is a difference of entries
+# of W, right to eps times it.
+LARGEST_VARIANCE = 1e8
 
 Groups = int | Sequence[int] | Array
 Hard = str | Sequence[str] | Array
@@ -424,27 +427,34 @@ class RunErrors:
         return np.concatenate([np.zeros((self.m, 0)), *known], axis=1)
 
     @cached_property
-    def precision(self) -> Array:
-        """W (m, m): what the runs tell beside all that is nuisance.
+    def whitening(self) -> Array:
+        """R (m, m) that whitens the runs: ``R' R = W`` is what they tell beside all nuisance.
 
         With ``V0 = L L'`` and ``L^-1 C = U S Z'``, where the columns C have the roots of their
-        variances, ``(V0 + C C')^-1 = L^-T (I - U S^2/(1 + S^2) U') L^-1`` for all S.
+        variances, ``(V0 + C C')^-1 = R' R`` for ``R = (I + S^2)^-1/2 U' L^-1``, which keeps its
+        digits where effects are large. Effects N of which nothing is known are projected out:
+        ``R - Q Q' R`` with an orthonormal basis Q of R N.
         """
-        B = np.linalg.inv(np.linalg.cholesky(self.noise))
-        known = [np.sqrt(own) * columns for columns, own in self.effects if np.isfinite(own)]
-        C = np.concatenate([np.zeros((self.m, 0)), *known], axis=1)
-        U, s, _ = np.linalg.svd(B @ C, full_matrices=False)
-        W = B.T @ (B - (U * np.square(s / np.hypot(1.0, s))) @ (U.T @ B))
-        W = 0.5 * (W + W.T)
+        own = np.linalg.inv(np.linalg.cholesky(self.noise))
+        known = [np.sqrt(size) * columns for columns, size in self.effects if np.isfinite(size)]
+        C = np.concatenate([np.zeros((self.m, 1)), *known], axis=1)
+        U, s, _ = np.linalg.svd(own @ C)
+        spread = np.zeros(self.m)
+        spread[: len(s)] = s
+        R = (U / np.hypot(1.0, spread)).T @ own
         N = self.nuisance
         if N.shape[1]:
             # An orthonormal basis: groups of several strata sum to the same constant.
             U, s, _ = np.linalg.svd(N, full_matrices=False)
-            basis = U[:, s > SINGULAR * s[0]]
-            side = W @ basis
-            W = W - side @ np.linalg.solve(basis.T @ side, side.T)
-            W = 0.5 * (W + W.T)
-        return W
+            Q, _ = np.linalg.qr(R @ U[:, s > SINGULAR * s[0]])
+            for _ in range(2):  # the second time for what rounding left
+                R = R - Q @ (Q.T @ R)
+        return R
+
+    @cached_property
+    def precision(self) -> Array:
+        """W (m, m): what the runs tell beside all that is nuisance, ``R' R``."""
+        return np.asarray(self.whitening.T @ self.whitening)
 
 
 def group_labels(groups: Groups, m: int, name: str) -> Indices:
@@ -492,10 +502,13 @@ def variance_of_effects(given: object, argument: str) -> float:
     """A variance in units of that of the noise, which may be infinite.
 
     Raises:
-        ArgumentError: It is none, or so small that the noise's rounding hides it.
+        ArgumentError: It is none, or the rounding of the noise hides it, or what it leaves of that.
     """
     if not is_number(given) or not given >= EPS:
         message = f"expected above 0, at least {EPS:.1g} of the noise's"
+        raise ArgumentError(message, argument=argument, given=given)
+    if LARGEST_VARIANCE < given < np.inf:
+        message = f"expected at most {LARGEST_VARIANCE:g} of the noise's, or inf for fixed effects"
         raise ArgumentError(message, argument=argument, given=given)
     return float(given)
 

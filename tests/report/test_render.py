@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from edtk.calibration.posterior_check import PoseError
+from edtk.design.plan import Plan
 from edtk.report.render import render
-from edtk.robots.load_robot import load_robot
 
 
 class Derived(PoseError):
@@ -29,8 +29,8 @@ def test_what_is_no_result_is_refused() -> None:
 
 def test_a_table_takes_no_further_arguments() -> None:
     """Text and notebook of a result that is a table refuse what they would not look at."""
-    robot = load_robot("kuka_kr270")
-    assert render("text", robot) == robot.summary()
+    plan = Plan(np.zeros((1, 6)), np.zeros((1, 6)), np.ones(1, dtype=int))
+    assert render("text", plan) == plan.summary()
     for arguments, options in (((1,), {}), ((), {"digits": 3})):
-        with pytest.raises(TypeError, match="the text of a Robot takes no arguments or options"):
-            render("text", robot, *arguments, **options)
+        with pytest.raises(TypeError, match="the text of a Plan takes no arguments or options"):
+            render("text", plan, *arguments, **options)

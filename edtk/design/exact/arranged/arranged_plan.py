@@ -93,7 +93,7 @@ class ArrangedPlan(ProblemPlan):
     def turn(self, rows: Array) -> Array:
         """Rows (m r, q), whitened, of rows (m, r, q) of the runs."""
         m, r, q = rows.shape
-        turned = root(self.structure.precision) @ rows.reshape(m, r * q)
+        turned = self.structure.whitening @ rows.reshape(m, r * q)
         return np.asarray(turned.reshape(m * r, q))
 
     def to_frame(self) -> "pd.DataFrame":

@@ -2,11 +2,13 @@
 
 from itertools import combinations_with_replacement, product
 
+import mpmath
 import numpy as np
 import pandas as pd
 import pytest
 
 import edtk
+from criteria.linalg.inverse import EPS
 from edtk.design.exact.arranged.arranged_search import MOVE_SWEEPS, ArrangedSearch
 from edtk.design.problem import RankDeficientError
 from edtk.system.errors import UserError
@@ -216,19 +218,48 @@ def test_pyoptex_finds_no_better_one() -> None:
     assert plan.value >= 8.432135863585366 * (1 - 1e-9)
 
 
-@pytest.mark.parametrize("variance", [1e-8, 1.0, 1e12, 1e16, 1e100, 1e308, np.inf])
-def test_no_variance_of_effects_is_too_large(variance):
-    """``(1 + v c c')^-1 = 1 - c c'/(1/v + c'c)``, to rounding, for effects of any size."""
+@pytest.mark.parametrize("variance", [1e-8, 1.0, 1e4, 1e8, np.inf])
+def test_effects_of_any_size_are_beside_what_is_told(variance):
+    """``(1 + v c c')^-1 = 1 - c c'/(1/v + c'c)``, to rounding."""
     runs = Errors.trend(1, variance).of_runs(6)
     c = runs.trends[0]
     expected = np.eye(6) - c @ c.T / (1.0 / variance + c.T @ c)
     np.testing.assert_allclose(runs.precision, expected, atol=1e-14)
 
 
+@pytest.mark.parametrize("variance", [1e-8, 1.0, 1e4, 1e8])
+def test_what_differs_between_groups_is_told_to_all_digits(variance):
+    """A contrast z of whole plots of n runs has the information ``z'z / (1 + n v)``, also where it
+    is next to nothing; W has it to the rounding of its entries.
+    """
+    runs = Errors.split_plot("w", 4, variance).of_runs(12)
+    z = np.repeat([1.0, -1.0, 1.0, -1.0], 3)
+    exact = z @ z / (1.0 + 3.0 * variance)
+    np.testing.assert_allclose(np.square(runs.whitening @ z).sum(), exact, rtol=1e-13)
+    np.testing.assert_allclose(z @ runs.precision @ z, exact, atol=100 * EPS)
+
+
+def test_the_largest_variance_of_effects_tells_all_parameters():
+    """Six whole plots of variance 1e8: X has full rank, and D is that of ``X' V^-1 X`` in 50
+    digits, well within the accuracy that the plan states.
+    """
+    plan = edtk.plan(quadratic(), 12, "D", errors=Errors.split_plot("w", 6, 1e8), starts=2)
+    X = quadratic().factors(plan.places)[:, 0]
+    assert np.linalg.matrix_rank(X) == X.shape[1]
+    same = (grouped(12, 6) - np.eye(12)).tolist()
+    with mpmath.workdps(50):
+        V = mpmath.eye(12) + 10**8 * mpmath.matrix(same)
+        M = mpmath.matrix(X.T.tolist()) * V**-1 * mpmath.matrix(X.tolist())
+        exact = float(mpmath.det(M) ** (mpmath.mpf(1) / X.shape[1]))
+    assert plan.accuracy < 1e-4
+    assert plan.value == pytest.approx(exact, rel=min(plan.accuracy, 1e-8))
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
         (lambda: Errors.trend(1, 1e-50), "at least 2e-16 of the noise's"),
+        (lambda: Errors.trend(1, 1e12), "at most 1e+08 of the noise's, or inf for fixed effects"),
         (lambda: Errors.covariance(1e-300 * np.eye(2)), "not positive definite"),
         (lambda: Errors.covariance(1e300 * np.eye(2)), "at most 1e+150"),
         (lambda: edtk.plan(quadratic(), 12, errors=Errors.split_plot("v", 4)), "no factor 'v'"),
