@@ -31,8 +31,8 @@ from edtk.system.typing import Array, Indices
 # Part of the largest eigenvalue of a covariance below which it counts as singular: what is left of
 # the noise of single runs must be far above rounding.
 SINGULAR = 1e-10
-# Of effects, in units of the noise's: what runs tell between groups alone is a difference of entries
-# of W, right to eps times it.
+# Of effects, in units of the noise's: what runs tell between groups alone is right to eps times it,
+# as a difference of entries of W.
 LARGEST_VARIANCE = 1e8
 
 Groups = int | Sequence[int] | Array
@@ -419,6 +419,15 @@ class RunErrors:
             for columns, trend in zip(self.trends, self.errors.trends, strict=True)
         )
         return (*groups, *drifts)
+
+    @property
+    def covariance(self) -> Array:
+        """V (m, m), without what nothing is known about."""
+        V = self.noise.copy()
+        for columns, variance in self.effects:
+            if np.isfinite(variance):
+                V += variance * columns @ columns.T
+        return V
 
     @cached_property
     def nuisance(self) -> Array:
