@@ -196,7 +196,10 @@ WRONG_ARRAYS = [
     (lambda: edtk.Region(LINE.rows_at, [-1], [1], degree=[[1], [1, 2]]), "expected a number"),
     (lambda: edtk.plan(edtk.Problem(ROWS), 6, most=[[1], [1, 2]]), "most: expected a whole"),
     (lambda: edtk.plan(edtk.Problem(ROWS), 6, least=1e100), "least: candidate 0: asks for more"),
-    (lambda: edtk.plan(edtk.Problem(ROWS), 6, least=1e300), "least: expected finite numbers, at most"),
+    (
+        lambda: edtk.plan(edtk.Problem(ROWS), 6, least=1e300),
+        "least: expected finite numbers, at most",
+    ),
     (lambda: edtk.plan(edtk.Problem(ROWS), 6, least=[1 + 2j] * 21), "least: expected numbers"),
     (lambda: edtk.Problem(ROWS, sigma=1 + 2j), "sigma: expected numbers"),
     (lambda: edtk.next(edtk.Problem(ROWS), [[1], [1, 2]]), "keep: expected indices of candidates"),
