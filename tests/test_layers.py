@@ -115,7 +115,7 @@ def test_no_two_files_of_tests_have_one_name() -> None:
         ("edtk.design.problem", "from edtk.study.study import Study", False),
         ("edtk.design.problem", "from edtk.design.exact.refine import refine", False),
         ("edtk.design.relaxation.relax", "from edtk.design import exact", False),
-        ("edtk.design.exact.refine", "from edtk.fit.outliers import fit_huber", False),
+        ("edtk.design.exact.refine", "from edtk.fit.fit_huber import fit_huber", False),
         ("edtk.fit.identify", "from edtk.design.plan import Plan", False),
         ("edtk.verbs.plan", "from edtk.commands.plan import command", False),
         ("edtk.design.exact.refine", "from edtk.design import relaxation", True),

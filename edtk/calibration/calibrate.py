@@ -17,11 +17,11 @@ from edtk.findings.nonlinear_part import linear_model_bias
 from edtk.findings.prior import known_findings, unstated_findings
 from edtk.findings.springs import find_input_error, spring_findings, still_joints, untold_finding
 from edtk.fit.correlated_noise import NotPositiveDefiniteError
+from edtk.fit.fit_huber import SigmaTooSmallError
 from edtk.fit.identify import NothingLeftError
 from edtk.fit.least_squares import SingularPlanError
 from edtk.fit.measurements import Measurements
 from edtk.fit.noise import TooManyVisitsError
-from edtk.fit.outliers import SigmaTooSmallError
 from edtk.measure.pose_table import Table, path_of
 from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.study.study import Study

@@ -8,12 +8,11 @@ import numpy as np
 
 from edtk.calibration.calibration import Origin
 from edtk.calibration.geometric_calibration import GeometricCalibration
-from edtk.calibration.geometry_question import told_before
 from edtk.calibration.model_left import PiecesLeft
+from edtk.calibration.told_before import told_before
 from edtk.calibration.visit_propagation import circumstances_of, fit_propagation
 from edtk.design.plan import Plan
 from edtk.findings.counting import (
-    EXPECTED,
     Counting,
     as_said,
     far_off,
@@ -22,7 +21,6 @@ from edtk.findings.counting import (
     in_radians,
     one_in_radians,
     placed_by_most,
-    turn_reading,
 )
 from edtk.findings.finding import (
     Data,
@@ -44,6 +42,7 @@ from edtk.findings.sound_rows import (
     without_beyond_reach,
     without_copied_markers,
 )
+from edtk.findings.turn_reading import EXPECTED, turn_reading
 from edtk.findings.units import force_findings
 from edtk.fit.fit_geometry import NoiseNotToldError, TooFewPosesError, fit_geometry
 from edtk.fit.fitted_geometry import GeometricFit, Predicted, root_mean_squares

@@ -19,8 +19,9 @@ from edtk.calibration.prediction import (
 )
 from edtk.calibration.result_file import POSSIBLE, possible_springs, read_geometry
 from edtk.calibration.tasks_in_use import ToolInUse, reading_findings
-from edtk.findings.counting import EXPECTED, Counting, turn_reading
+from edtk.findings.counting import Counting
 from edtk.findings.prior import unstated
+from edtk.findings.turn_reading import EXPECTED, turn_reading
 from edtk.findings.units import like_radians
 from edtk.fit.distributions import NormalMixture
 from edtk.fit.fitted_geometry import RIGID, FittedGeometry, Predicted

@@ -17,6 +17,7 @@ from edtk.fit.correlated_noise import (
 )
 from edtk.fit.distributions import student_quantile
 from edtk.fit.equilibrium import LinearisedData
+from edtk.fit.fit_huber import huber_weights
 from edtk.fit.identify import Identification
 from edtk.fit.least_squares import (
     NEARLY,
@@ -26,7 +27,6 @@ from edtk.fit.least_squares import (
 )
 from edtk.fit.measurements import Measurements
 from edtk.fit.noise import MOST_COORDINATES
-from edtk.fit.outliers import huber_weights
 from edtk.system.typing import Array, Indices, Mask
 
 

@@ -7,8 +7,9 @@ import numpy as np
 
 from edtk.fit.correlated_noise import RowNoise, whiten, whiten_columns
 from edtk.fit.distributions import chi_square_quantile, chi_square_tail, student_quantile
+from edtk.fit.fit_huber import NO_NOISE, fit_huber
 from edtk.fit.least_squares import Estimate, Whitened
-from edtk.fit.outliers import NO_NOISE, find_outliers, fit_huber, own_outliers
+from edtk.fit.outliers import find_outliers, own_outliers
 from edtk.system.presented import Presented
 from edtk.system.typing import Array, Indices, Mask
 

@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from edtk.cli import main
+from edtk.fit.fit_huber import SigmaTooSmallError
 from edtk.fit.measurements import simulate
-from edtk.fit.outliers import SigmaTooSmallError
 from edtk.study.study import load_study
 
 pytestmark = pytest.mark.slow

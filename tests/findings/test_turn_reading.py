@@ -9,7 +9,7 @@ import pytest
 from geometry_sheets import NAMES, OFFSETS, PLACE, STUDY, Array, run
 from scipy.spatial.transform import Rotation
 
-from edtk.findings.counting import turn_reading
+from edtk.findings.turn_reading import turn_reading
 from edtk.fit.marker_positions import read_positions
 from edtk.study.study_geometry import StudyGeometry
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from edtk.fit import outliers as module
-from edtk.fit.outliers import CORNER, SigmaTooSmallError
+from edtk.fit import fit_huber as module
+from edtk.fit.fit_huber import CORNER, SigmaTooSmallError
 
 pytestmark = pytest.mark.slow
 

@@ -12,8 +12,9 @@ from geometry_sheets import OFFSETS, PLACE, ROBOT, Array, by_pose
 from scipy.stats import norm
 
 import edtk
-from edtk.calibration.geometry_question import GeometryQuestion, told_before
+from edtk.calibration.geometry_question import GeometryQuestion
 from edtk.calibration.geometry_space import PositionRows
+from edtk.calibration.told_before import told_before
 from edtk.design.plan import Plan
 from edtk.findings.geometric_fit import geometric_findings
 from edtk.fit.fit_geometry import fit_geometry

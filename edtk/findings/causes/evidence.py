@@ -19,15 +19,13 @@ from edtk.system.typing import Array, Indices, Mask
 # Student's distribution with so many degrees of freedom, of the usual width, is the one of a
 # fault's size beforehand: mostly within a factor of two, rarely five times as large.
 FREEDOM = 4.0
-# Grids reach so many standard deviations of a logarithm, in steps of a fifth and a tenth of one.
-REACH = 8.0
-
-
 # It is a mixture of normal ones, whose widths are these factors of the usual one.
 FACTORS = 2.0 ** np.arange(-2, 7)
 WEIGHTS = FACTORS**-FREEDOM * np.exp(-FREEDOM / (2 * FACTORS**2))
 WEIGHTS = WEIGHTS / WEIGHTS.sum()
 SMALLER = 4.0 ** -np.arange(3)  # sizes of disturbed readings over that of mistyped ones
+# Grids reach so many standard deviations of a logarithm, in steps of a fifth and a tenth of one.
+REACH = 8.0
 
 
 def rarity(

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from itertools import takewhile
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,13 +10,10 @@ from edtk.fit.identify import Identification
 from edtk.measure.expected_error import ErrorBudget
 from edtk.report.figures import BLUE, GREY, ORANGE
 from edtk.report.shown import plain
-from edtk.robots.frames import Frames
-from edtk.robots.robot import Robot
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
 
 MOST_SIGNS = 18  # signs of a name
 LEAST_SHARED = 4  # signs that all names begin or end with, before these are left out
@@ -24,11 +21,14 @@ DOTS = "…"
 LEVEL = 7  # signs of a line up to which names stand beside each other
 SLOPE = 40  # of longer ones [deg]
 LETTER = 0.055  # height of a sign of a sloping name [inch]
-NEAR_JOINTS = 0.03  # joints nearer than this, as parts of the axes, share a label
-GAP = 0.06  # between the arm and the column of labels, as a part of the axes
-LINE = 0.042  # height of a line of text, likewise
-EDGE_ROOM = 0.02
-COLOUR = "#70767d"
+DARK = 0.6  # correlation beyond which a cell is so dark that its number is white
+# Black takes the colour of a page's text, which is white in the dark; a bright cell stays bright.
+INK = "#111111"
+BRIGHT = 60  # per cent beyond which a cell is so bright that its number is black
+NAMED_BARS = 40  # bars up to which each one has a name
+DECADES = 4.0  # below the largest error that are shown
+# For the numbers at the right, as a share of the axis up to the largest error.
+ROOM_FOR_NUMBERS = 0.3
 
 
 def short_names(names: Sequence[str]) -> list[str]:
@@ -96,90 +96,6 @@ def name_ticks(ax: "Axes", x: Sequence[str] = (), y: Sequence[str] = (), top: bo
                 label.set(horizontalalignment=side, rotation_mode="anchor")
     if y:
         ax.set_yticks(range(len(y)), list(map(plain, short_names(y))))
-
-
-def joint_labels(robot: Robot, frames: Frames, ax: Any) -> None:
-    """Write the names of joints in columns at both sides of the arm.
-
-    They stand where the joints are seen now: limits and view of the axes come first.
-
-    Args:
-        robot: The robot.
-        frames: Its pose.
-        ax: Axes with a 3D projection.
-    """
-    groups = _groups(robot, _seen(frames.origins, ax))
-    tool = _seen(frames.position[None], ax)
-    everything = np.vstack([tool, *(place for _, place in groups)])
-    left = everything[:, 0].min()
-    right = everything[:, 0].max()
-    for column, alignment, is_left in ((left - GAP, "right", True), (right + GAP, "left", False)):
-        own = [group for group in groups if (2 * group[1][0] <= left + right) == is_left]
-        own.sort(key=lambda group: -group[1][1])
-        heights = _heights([place[1] for _, place in own], [len(names) for names, _ in own])
-        for (names, place), height in zip(own, heights, strict=True):
-            ax.annotate(
-                plain("\n".join(names)),
-                xy=tuple(place),
-                xytext=(float(np.clip(column, EDGE_ROOM, 1 - EDGE_ROOM)), height),
-                xycoords="axes fraction",
-                textcoords="axes fraction",
-                ha=alignment,
-                va="center",
-                fontsize=8,
-                bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
-                arrowprops={
-                    "arrowstyle": "-",
-                    "color": COLOUR,
-                    "linewidth": 0.6,
-                    "shrinkB": 3,
-                    "relpos": (1.0 if is_left else 0.0, 0.5),
-                },
-                annotation_clip=False,
-            )
-
-
-def _seen(points: Array, ax: Any) -> Array:
-    """Where points (k, 3) are seen (k, 2), as parts of the axes."""
-    from mpl_toolkits.mplot3d import proj3d  # type: ignore[import-untyped]
-
-    x, y, _ = proj3d.proj_transform(*points.T, ax.get_proj())
-    to_axes = ax.transData + ax.transAxes.inverted()
-    return np.asarray(to_axes.transform(np.column_stack([x, y])))
-
-
-def _groups(robot: Robot, places: Array) -> list[tuple[list[str], Array]]:
-    """Names of joints, and where they are seen (2,); joints at one place are one group."""
-    groups: list[tuple[list[str], Array]] = []
-    for joint, place in zip(robot.chain, places, strict=True):
-        if groups and np.linalg.norm(groups[-1][1] - place) < NEAR_JOINTS:
-            groups[-1][0].append(joint.name)
-        else:
-            groups.append(([joint.name], place))
-    return groups
-
-
-def _heights(wanted: list[float], lines: list[int]) -> list[float]:
-    """Heights of labels from top to bottom, near the wanted ones and apart from each other."""
-    heights: list[float] = []
-    for i, height in enumerate(wanted):
-        below = heights[-1] - LINE * (lines[i - 1] + lines[i]) / 2 if heights else np.inf
-        heights.append(min(height, below))
-    if heights:
-        lowest = EDGE_ROOM + LINE * lines[-1] / 2
-        lift = max(0.0, lowest - heights[-1])
-        heights = [height + lift for height in heights]
-    return heights
-
-
-DARK = 0.6  # correlation beyond which a cell is so dark that its number is white
-# Black takes the colour of a page's text, which is white in the dark; a bright cell stays bright.
-INK = "#111111"
-BRIGHT = 60  # per cent beyond which a cell is so bright that its number is black
-NAMED_BARS = 40  # bars up to which each one has a name
-DECADES = 4.0  # below the largest error that are shown
-# For the numbers at the right, as a share of the axis up to the largest error.
-ROOM_FOR_NUMBERS = 0.3
 
 
 def correlation(matrix: np.ndarray, parameters: tuple[str, ...], ax: "Axes") -> None:

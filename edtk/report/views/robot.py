@@ -1,6 +1,5 @@
 """Robots, what they are for a calibration, and how their controllers count."""
 
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,14 +8,13 @@ from numpy.typing import ArrayLike
 from edtk.fit.controller.find_controller import FoundController
 from edtk.fit.controller.ways_to_count import Counted
 from edtk.measure.pose_table import pose_factors
-from edtk.report.draw.bars import joint_labels
-from edtk.report.figures import BLUE, GREEN, GREY, ORANGE
+from edtk.report.draw.arm import COLOURS, TRIAD, arm, joint_labels
+from edtk.report.figures import BLUE, GREY, ORANGE
 from edtk.report.show.page import ShownPage
 from edtk.report.show.stage import stage_of_robot
 from edtk.report.shown import plain
 from edtk.report.tables import text_table
 from edtk.robots.compensator import compensator_in_words
-from edtk.robots.frames import Frames
 from edtk.robots.joint import UNITS
 from edtk.robots.robot import Robot, motors_in_words, shown_limits
 from edtk.robots.robot_overview import NOTHING, Parts, RobotOverview
@@ -447,104 +445,3 @@ def _table(best: Counted) -> list[str]:
     if not table:
         return ["the controller counts as the robot's file: no table [controller] is needed"]
     return ["[controller]", *(f"{key} = {inline(value)}" for key, value in table.items())]
-
-
-DRUM = (0.028, 0.05)  # radius and half length of a joint, over the size of the picture
-SIDES = {"revolute": 24, "prismatic": 4}  # of a drum's outline
-TRIAD = ("#c0392b", "#27ae60", "#2c5fb3")  # x, y and z of the tool
-TRIAD_LENGTH = 0.1  # over the size
-FRONT = 1e3  # order of what is drawn last: before all faces, which matplotlib sorts by depth
-BAR = "#8d96a0"
-BASE = "#4a4f55"
-
-
-COLOURS = {"revolute": BLUE, "prismatic": GREEN}
-LIGHT = np.array([0.35, -0.5, 0.8]) / np.linalg.norm([0.35, -0.5, 0.8])
-
-
-def arm(robot: Robot, frames: Frames, ax: Any) -> None:
-    """Draw a robot in one pose on axes with a 3D projection.
-
-    Args:
-        robot: The robot.
-        frames: The pose.
-        ax: The axes.
-    """
-    points = np.vstack([robot.base[:3, 3], frames.origins, frames.position])
-    size = size_of(points)
-    _base(robot, frames, size, ax)
-    for first, last in pairwise(points):
-        if np.linalg.norm(last - first) > 0.02 * size:
-            _bar(first, last, 0.013 * size, ax)
-    for joint, origin, axis in zip(robot.chain, frames.origins, frames.axes, strict=True):
-        tied = joint.name not in robot.joint_names
-        colour = GREY if tied else COLOURS[joint.kind]
-        _drum(origin, axis, size, SIDES[joint.kind], colour, ax)
-        reach = 1.9 * DRUM[1] * size
-        line = np.array([origin - reach * axis, origin + reach * axis])
-        ax.plot(*line.T, color=colour, linewidth=1.0, linestyle=(0, (5, 2)))
-    _tool(frames, size, ax)
-
-
-def size_of(points: Array) -> float:
-    """Size of the picture of points (k, 3) [m]."""
-    return max(float(np.ptp(points, axis=0).max()), 1e-3)
-
-
-def _base(robot: Robot, frames: Frames, size: float, ax: Any) -> None:
-    """A foot under the base: a disc in its xy-plane."""
-    turn = np.linspace(0, 2 * np.pi, 33)
-    disc = 0.09 * size * np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=1)
-    _faces([disc @ robot.base[:3, :3].T + robot.base[:3, 3]], BASE, ax, alpha=0.55)
-
-
-def _bar(first: Array, last: Array, radius: float, ax: Any) -> None:
-    """A link: an eight-sided bar."""
-    along = (last - first) / np.linalg.norm(last - first)
-    _prism(first, last, along, radius, 8, BAR, ax)
-
-
-def _drum(origin: Array, axis: Array, size: float, sides: int, colour: str, ax: Any) -> None:
-    """A joint: a drum along its axis if it turns, a box if it slides."""
-    half = DRUM[1] * size * axis
-    _prism(origin - half, origin + half, axis, DRUM[0] * size, sides, colour, ax)
-
-
-def _prism(
-    first: Array, last: Array, along: Array, radius: float, sides: int, colour: str, ax: Any
-) -> None:
-    """The faces of a prism between two points."""
-    aside = np.eye(3)[np.argmin(np.abs(along))]
-    x = np.cross(along, aside)
-    x /= np.linalg.norm(x)
-    y = np.cross(along, x)
-    turn = np.linspace(0, 2 * np.pi, sides, endpoint=False) + np.pi / 4
-    ring = radius * (np.cos(turn)[:, None] * x + np.sin(turn)[:, None] * y)
-    low = first + ring
-    high = last + ring
-    walls = [np.array([low[i], low[i - 1], high[i - 1], high[i]]) for i in range(sides)]
-    _faces([*walls, low, high], colour, ax)
-
-
-def _faces(faces: list[Array], colour: str, ax: Any, alpha: float = 1.0) -> None:
-    """Faces, brighter where they look into the light."""
-    from matplotlib.colors import to_rgb
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
-
-    shades = []
-    for face in faces:
-        normal = np.cross(face[1] - face[0], face[2] - face[0])
-        length = np.linalg.norm(normal)
-        bright = abs(float(normal @ LIGHT)) / length if length else 0.5
-        shades.append((*(1 - (1 - np.array(to_rgb(colour))) * (1.05 - 0.45 * bright)), alpha))
-    shades = [tuple(np.clip(shade, 0, 1)) for shade in shades]
-    ax.add_collection3d(Poly3DCollection(faces, facecolors=shades, edgecolors="none"))
-
-
-def _tool(frames: Frames, size: float, ax: Any) -> None:
-    """The axes of the tool frame, and the tool point."""
-    for colour, axis in zip(TRIAD, frames.rotation, strict=True):
-        line = np.array([frames.position, frames.position + TRIAD_LENGTH * size * axis])
-        ax.plot(*line.T, color=colour, linewidth=2.0)
-    point = frames.position[:, None]
-    ax.plot(*point, marker="o", markersize=4, color=ORANGE, linestyle="", zorder=FRONT)
