@@ -19,27 +19,14 @@ from edtk.report.draw.posterior import (
     trace,
 )
 from edtk.report.figures import new_figure, png
-from edtk.report.geometry_report import (
-    evaluated_geometry,
-    geometry_sections,
-    measured_positions,
-)
-from edtk.report.page import (
-    Page,
-    paragraph,
-    picture,
-    section,
-    sentence,
-    table,
-)
+from edtk.report.geometry_report import evaluated_geometry, geometry_sections, measured_positions
+from edtk.report.page import Page, paragraph, picture, section, sentence, table
 from edtk.report.show.page import page_html
 from edtk.report.show.plate import PAGE, poses_section
 from edtk.report.show.stage import stage_of_calibration
 from edtk.report.shown import displacement_in_words, with_digits
 from edtk.report.spring_report import evaluated_facts, measured_facts, spring_sections
-from edtk.report.views.calibration import (
-    EXTENDED,
-)
+from edtk.report.views.calibration import EXTENDED
 from edtk.study.study import Study
 from edtk.study.study_toml import toml_in
 from edtk.system.files import Content
@@ -51,20 +38,26 @@ if TYPE_CHECKING:
 
 PANEL = 1.55  # side of a panel of the corner [inch]
 ROOM_BESIDE = 1.6  # beside the panels [inch]
-PICTURES = ("corner.png", "trace.png", "residuals.png")
+# Captions of the pictures of a posterior, by the names of their files.
+PICTURES = {
+    "corner.png": "The sampled posterior: each parameter, and each pair of them.",
+    "trace.png": "The chain after burn-in: it should look like noise, without drift.",
+    "residuals.png": "Posterior-predictive residuals, in units of the noise.",
+}
 NOISE = {"sigma_ratio": "Noise over the stated one", "nu": "Degrees of freedom of Student's t"}
 
 
 def posterior_figures(check: PosteriorCheck) -> "Iterator[tuple[str, Figure, str]]":
     """Name of the file, picture and caption of each picture of a posterior."""
     shown = LabelledSamples.of(check)
-    pairs = "The sampled posterior: each parameter, and each pair of them."
-    yield "corner.png", _corner(check, shown), pairs
-    spread = "Posterior-predictive residuals, in units of the noise."
-    yield "residuals.png", _residuals(check), spread
+    yield _captioned("corner.png", _corner(check, shown))
+    yield _captioned("residuals.png", _residuals(check))
     if check.posterior.weights is None:  # else draws are independent
-        looks = "The chain after burn-in: it should look like noise, without drift."
-        yield "trace.png", _trace(check, shown), looks
+        yield _captioned("trace.png", _trace(check, shown))
+
+
+def _captioned(name: str, figure: "Figure") -> "tuple[str, Figure, str]":
+    return name, figure, PICTURES[name]
 
 
 def _corner(check: PosteriorCheck, shown: LabelledSamples) -> "Figure":

@@ -108,12 +108,12 @@ def test_a_far_too_small_sigma_names_the_option(measured: Path, monkeypatch) -> 
     """Where no residual is as small as sigma says, the line names the option that estimates it."""
 
     def refuse(*args: object) -> None:
-        raise SigmaTooSmallError("residual is 50 times sigma: expected a larger sigma")
+        raise SigmaTooSmallError("the smallest residual is 50 times sigma: expected a larger sigma")
 
     monkeypatch.setattr("edtk.fit.identify.fit_huber", refuse)
     answer = edtk("identify", PAPER, measured, "--robust")
-    line = "residual is 50 times sigma: expected a larger sigma, or --sigma-unknown\n"
-    assert_one_line(answer, f"{measured}: {line}")
+    line = "the smallest residual is 50 times sigma: expected a larger sigma, or --sigma-unknown"
+    assert_one_line(answer, f"{measured}: {line}\n")
 
 
 def test_doubts_are_on_standard_error(measured: Path) -> None:

@@ -136,7 +136,8 @@ def test_scale_of_the_bulk():
 
 
 def test_sigma_that_is_far_too_small():
-    """Where no residual is as small as sigma the error holds the ratio, and survives pickling."""
-    with pytest.raises(SigmaTooSmallError, match="residual is 50 times sigma") as caught:
+    """Where no residual is as small as sigma the error says the ratio, and survives pickling."""
+    line = "^the smallest residual is 50 times sigma: expected a larger sigma$"
+    with pytest.raises(SigmaTooSmallError, match=line) as caught:
         fit_huber(np.ones((2, 1, 1)), np.array([[0.0], [100.0]]), np.array([50.0]), True)
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)

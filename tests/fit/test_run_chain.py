@@ -36,7 +36,7 @@ def test_moments_and_progress():
 
 @pytest.mark.parametrize("most", [100, 900])
 def test_unconverged(most):
-    """Too few steps allowed are an error that holds their number, not a poor answer."""
+    """Too few steps allowed are an error that says their number, not a poor answer."""
     with pytest.raises(UnconvergedError, match=f"{most} steps; allow more") as caught:
         run_chain(Normal(), START, 1, Demand(0.002, most=most))
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
