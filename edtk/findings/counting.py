@@ -17,17 +17,18 @@ from edtk.system.typing import Array
 class SearchOfWays:
     """How ways to count are searched, and when one is believed."""
 
-    placed: int = 40  # that a search looks at
-    much_better: float = 4.0  # times better, another way to count is believed
-    # Two ways whose distances differ by less are equally good. Every change has to pay for itself:
-    # one of a joint that stands still in most visits fits these as well, and makes the others look
-    # wrong.
+    most_visits: int = 40  # that a search looks at
+    # Times better, another way to count is believed, or another reading of orientations.
+    much_better: float = 4.0
+    # Two ways, or readings of orientations, whose distances differ by less are equally good. Every
+    # change has to pay for itself: one of a joint that stands still in most visits fits these as
+    # well, and makes the others look wrong.
     alike: float = 1.5
     # Times the distance of the best way: a visit farther off does not fit at all.
     beyond_fit: float = 10.0
-    kept: float = 0.75  # of the visits place the robot where a few may be wrong
-    turns: int = 5  # of placing it and of choosing these visits
-    ways: int = 24  # ways to count that are looked at with a part of the visits
+    kept_share: float = 0.75  # of the visits place the robot where a few may be wrong
+    placing_turns: int = 5  # of placing it and of choosing these visits
+    most_ways: int = 24  # ways to count that are looked at with a part of the visits
     at_once: int = 100  # of all ways: more are no faster, and take their memory
     # Of the size of all positions: two misfits by normal equations that differ by less may be
     # alike.
@@ -79,8 +80,8 @@ def placed_by_most(robot: Robot, data: MarkerPositions, matrix: Array | None = N
     """The same by the visits that fit best, in turns (Rousseeuw and Van Driessen 2006)."""
     start = placed(robot, data, matrix)
     flange = robot.forward(data.q if matrix is None else data.q @ matrix.T)
-    count = int(np.ceil(SEARCH.kept * len(data)))
-    for _ in range(SEARCH.turns):
+    count = int(np.ceil(SEARCH.kept_share * len(data)))
+    for _ in range(SEARCH.placing_turns):
         if not start.whole or not start.scale < np.inf:
             break
         local = flange[:, None, :3, 3] + np.einsum("mij,kj->mki", flange[:, :3, :3], start.tools)
@@ -155,7 +156,7 @@ def _ways(robot: Robot, few: MarkerPositions) -> list[tuple[int, Counting]]:
 def _likely(
     robot: Robot, few: MarkerPositions, ways: list[tuple[int, Counting]]
 ) -> list[tuple[float, int, Counting]]:
-    """The ways that fit best, with how well they do: `SEARCH.ways`, and those that fit alike."""
+    """The `SEARCH.most_ways` that fit best, and those that fit alike; with how well they do."""
     turned = np.array([way.matrix.T for _, way in ways])
     rough = np.concatenate(
         [
@@ -172,7 +173,7 @@ def _likely(
         start = placed(robot, few, way.matrix)
         if way.exchanged or (start.whole and not start.mirrored):
             found.append((start.rms, changes, way))
-        if len(found) == SEARCH.ways:
+        if len(found) == SEARCH.most_ways:
             limit = (1 + SEARCH.rounding) * rough[i] + SEARCH.rounding * _spread(few)
     return found
 
@@ -213,7 +214,7 @@ def _least(
         still: The place with the way to count of the study.
         ways: For each way how well it fits all these visits, and its number of changes.
     """
-    ways = sorted(ways, key=lambda one: one[:2])[: SEARCH.ways]
+    ways = sorted(ways, key=lambda one: one[:2])[: SEARCH.most_ways]
     starts = [placed_by_most(robot, few, way.matrix) for _, _, way in ways]
     sound = [
         (start, changes, way)
@@ -294,7 +295,7 @@ def _words(turned: list[str], names: tuple[str, ...], follower: int, by: int) ->
 
 def _thinned(data: MarkerPositions) -> MarkerPositions:
     """Poses spread over all."""
-    chosen = np.unique(np.linspace(0, len(data) - 1, SEARCH.placed).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(data) - 1, SEARCH.most_visits).round().astype(int))
     return data[chosen]
 
 

@@ -16,6 +16,7 @@ from edtk.system.typing import Array, Indices
 
 DEGREE = np.pi / 180
 FAR = 0.02  # of the spread of positions: no drawing is as wrong
+FEWEST_MOVED = 3  # visits one after the other that a motion of the frame has to explain
 SCALES = {
     "metres": 1e-3,
     "decimetres": 1e-2,
@@ -36,7 +37,6 @@ class TypedWrongly:
     most: int = 15  # visits: nobody mistypes more, and the search for each takes a while
     grid: int = 361  # values of a joint that are tried
     refined: int = 5  # times the grid about the best value is made ten times finer
-    fewest: int = 3  # visits one after the other that a motion of the frame has to explain
 
 
 TYPED = TypedWrongly()
@@ -48,7 +48,7 @@ class AgreeingVisits:
 
     draws: int = 80  # of a few poses each, of which one at least is likely free of errors
     majority: float = 0.5  # share of the visits that have to agree
-    some: float = 0.25  # likewise, where so many do not
+    minority: float = 0.25  # share that has to agree where more than half may be wrong
     # Visits beside those of a draw, at least: some of them show whether these are sound.
     spare: int = 4
     much_farther: float = 6.0  # times the typical distance: no pose of a sound sheet is as far off
@@ -88,7 +88,7 @@ class Consensus:
         found = _least(robot, flange, data, AGREE.majority)
         spread = float(np.sqrt(np.nanmean((data.measured - _center(data)) ** 2) * 3))
         if found is not None and found.typical > FAR * spread:
-            some = _least(robot, flange, data, AGREE.some)
+            some = _least(robot, flange, data, AGREE.minority)
             found = some if some is not None and some.typical < FAR * spread else found
         return found
 
@@ -200,7 +200,7 @@ def _moved(
     found: dict[int, tuple[str, str]] = {}
     breaks = np.flatnonzero(np.diff(visits) > 1) + 1
     for run in np.split(np.array(visits, dtype=int), breaks):
-        if len(run) < TYPED.fewest:
+        if len(run) < FEWEST_MOVED:
             continue
         seen = data.seen[run]
         measured = data.measured[run][seen]

@@ -20,6 +20,7 @@ MOST_DIGITS = 9  # decimals of a millimetre or a degree that a reading is looked
 SAME_READING = 1e-4  # of a decimal step: below that a number is a multiple of it, but for rounding
 ROUNDING = 1e-9  # relative: a pose at the very limit counts as within
 SAME_ANGLE = 1e-6  # of a decimal step: below that a number is a multiple of it, but for rounding
+CHANCE = 1e-3  # probability of equal rows up to which they are copies
 OTHER_LOAD = 0.25  # of the planned load: an applied load that is farther off is another one
 
 

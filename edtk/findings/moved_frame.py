@@ -27,12 +27,17 @@ FRAME_COORDINATES = {False: 3.0, True: 6.0}  # of a pose that err together
 # Causes that have names of their own above, whatever part of the day they are in.
 OF_THE_DAY = ("frame_moved", "drift", "growth", "joint_slipped")
 MOST_OF_MISFIT = 0.7  # of the misfit, at least, that a fault explains which is there all day
+# Of the length of what such a fault adds, that the parameters of the fit have to leave.
+SEEN_BESIDE = 1e-4
+# Probability that chance explains as much as such a fault, after all faults that were tried.
+UNLIKELY_FAULT = 1e-4
 
 
 @dataclass(frozen=True)
 class UntoldWeights:
     """When a weight hangs that nobody told, and how its poses are searched."""
 
+    # Probability that chance explains as much, after all parts of the day that were tried.
     unlikely: float = 1e-4
     explains: float = 0.5  # of the squares, at least: gears that are not round explain less
     # The same where poses with the weight were chosen by what they leave: of errors in one
@@ -41,16 +46,14 @@ class UntoldWeights:
     chosen_explains: float = 0.8
     coordinates: float = 3.0  # of a pose that err together
     usual_bend: float = 3.0  # of a joint under a weight, by a lever of a metre [mrad]
-    # Of the length of what a fault adds, that the parameters of the fit have to leave.
-    seen_beside: float = 1e-4
     sure: float = 2.0  # standard deviations by which a joint gives way
     # Of a stated load: a share of it that may be larger is not said to be none.
-    hardly: float = 0.2
+    hardly_loaded: float = 0.2
     like_none: float = 3.0  # standard deviations within which a share agrees with none
     fewest: int = 4  # poses with the weight, and without it
     starts: int = 6  # random ones of the search for poses with a weight
     rounds: int = 12  # of telling the weight and the poses, in turn
-    same: float = 1e-6  # [m] a load that changes less from pose to pose tells nothing
+    same_load: float = 1e-6  # [m] a load that changes less from pose to pose tells nothing
 
 
 WEIGHT = UntoldWeights()
@@ -61,6 +64,7 @@ class MotionsOfFrame:
     """When a motion of the frame between two poses is one."""
 
     fewest: int = 2  # poses before, after and between
+    # Probability that chance explains as much, after all pairs of poses that were tried.
     unlikely: float = 1e-6
     # Probability of a motion that the noise was fitted beside: of 200 sound days none had less.
     rare: float = 1e-2
@@ -525,7 +529,7 @@ def _is_whole(rows: FitRows, under: Array, of_load: Array, found: UntoldLoad) ->
     is_none = (
         share < WEIGHT.like_none * std and (np.abs(d) < WEIGHT.like_none * each.std[len(k) :]).all()
     )
-    return bool(is_none and share + WEIGHT.sure * std < WEIGHT.hardly)
+    return bool(is_none and share + WEIGHT.sure * std < WEIGHT.hardly_loaded)
 
 
 def _likeliest(
@@ -539,7 +543,7 @@ def _likeliest(
         among: Which poses (m,) may be under them.
         parts: Parts of the day, see `_parts_of_day`.
     """
-    turned = np.flatnonzero(np.ptp(torque, axis=0) > WEIGHT.same)
+    turned = np.flatnonzero(np.ptp(torque, axis=0) > WEIGHT.same_load)
     if not len(turned) or rows.dof(len(turned)) < len(turned):
         return None
     bent = rows.motion * torque[:, None]
@@ -726,7 +730,7 @@ def _explaining(
     columns = family.derivative_at_zero(rows.scene.k)
     size = max(float(np.linalg.norm(columns)), 1e-300)
     left = float(np.linalg.norm(rows.left(columns, alike))) / size
-    if left < WEIGHT.seen_beside or rows.dof(family.dims) < 2 * family.dims:
+    if left < SEEN_BESIDE or rows.dof(family.dims) < 2 * family.dims:
         return None
     # The noise is fitted anew for those alone that explain enough.
     alone = rows.explained(columns, read)
@@ -735,7 +739,7 @@ def _explaining(
         return None
     noise = rows.noise_beside(columns)
     chance = shares_of(rows, columns, noise)[1] + log_tries
-    if chance > np.log(WEIGHT.unlikely):
+    if chance > np.log(UNLIKELY_FAULT):
         return None
     told = rows.explained(columns, rows.weighed(noise))
     size = float(told.values[0] if family.dims == 1 else np.linalg.norm(told.values))

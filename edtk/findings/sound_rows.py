@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from edtk.findings.finding import Data, Finding, Severity, Wording, rows_in_words
-from edtk.findings.match_plan import pairs, resolution
-from edtk.findings.springs import DOUBTS
+from edtk.findings.match_plan import CHANCE, pairs, resolution
 from edtk.fit.distributions import poisson_tail
 from edtk.fit.fitted_geometry import GeometricFit
 from edtk.fit.marker_positions import MarkerPositions
@@ -19,6 +18,8 @@ from edtk.study.study_model import on_robot
 from edtk.system.errors import UserError
 from edtk.system.typing import Array, Indices, Mask
 
+# Times its usual scatter: a distance has changed, or a point on the base has moved.
+SCATTERS = 10.0
 EXPLAINED = 0.25  # of the change remains, where markers were swapped
 MOST_MARKERS = 5  # whose orders are tried
 # Times the reach, or twice the usual distance from the middle: no marker is there.
@@ -33,20 +34,28 @@ class StandingPoints:
 
     still: float = 0.01  # of the way that others move: a point that moves less stands on the base
     far: float = 0.02  # [m] others have to move by as much
-    far_from_study: float = 0.1  # [m] no guess of where a marker is on a tool is as wrong
     on_marker: float = 1e-3  # [m] nearer than this two readings are of one point
     floor: float = 1e-4  # [m] below it a motion of a point on the base is that of the floor
-    swapped_by: float = 0.01  # [m] markers that are as far off may have been swapped
 
 
 STANDING = StandingPoints()
 
 
 @dataclass(frozen=True)
+class PlacesOfStudy:
+    """When markers are elsewhere on the tool than the study says."""
+
+    far: float = 0.1  # [m] no guess of where a marker is on a tool is as wrong
+    swapped_by: float = 0.01  # [m] markers that are as far off may have been swapped
+
+
+ON_TOOL = PlacesOfStudy()
+
+
+@dataclass(frozen=True)
 class ShapeOfTool:
     """When distances between the markers of a tool have changed, and what explains it."""
 
-    scatters: float = 10.0  # times its usual scatter a distance has changed
     least: float = 2e-4  # [m] below it a change of a distance is left to the fit
     orders_alike: float = 3.0  # times the least remaining change, two orders explain it alike
     clearly_nearer: float = 0.5  # times nearer to others, another visit shows the tool better
@@ -137,7 +146,7 @@ def _usual(apart: Array) -> tuple[Array, Array]:
     for _ in range(3):
         usual = np.median(apart[whole][near], axis=0)
         scatter = 1.4826 * np.median(np.abs(apart[whole][near] - usual), axis=0)
-        least = np.maximum(TOOL.scatters * scatter, TOOL.least)
+        least = np.maximum(SCATTERS * scatter, TOOL.least)
         near = (np.abs(apart[whole] - usual) <= least).all(axis=(1, 2))
     return usual, least
 
@@ -278,7 +287,7 @@ def refuse_copied_visits(data: MarkerPositions, sigma: float, path: Path) -> Non
     step = resolution(1e3 * data.measured[lengths]) / 1e3
     agree = min(step / (2 * np.sqrt(np.pi) * sigma), 1.0) ** lengths.sum(axis=(1, 2)).min()
     expected = float(pairs(data.pose) * agree)
-    if float(poisson_tail(len(copies) - 1, expected)) > DOUBTS.chance:
+    if float(poisson_tail(len(copies) - 1, expected)) > CHANCE:
         return
     later = copies[0]
     rows = [
@@ -349,7 +358,7 @@ def marker_findings(fit: GeometricFit, setting: StudyGeometry) -> list[Finding]:
     if exchanged:
         data = {"markers": tuple(exchanged), "off_mm": float(apart.max())}
         return [Finding.of(Severity.WARNING, WORDING, "swapped_names", **data)]
-    far = np.flatnonzero(apart > MM * STANDING.far_from_study)
+    far = np.flatnonzero(apart > MM * ON_TOOL.far)
     if not len(far):
         return []
     worst = int(np.argmax(apart))
@@ -367,7 +376,7 @@ def _order_of_places(placed: Array, stated: Array) -> tuple[int, ...]:
     k = len(placed)
     plain = tuple(range(k))
     own = float(np.linalg.norm(placed - stated, axis=1).max())
-    if not 1 < k <= MOST_MARKERS or own < STANDING.swapped_by:
+    if not 1 < k <= MOST_MARKERS or own < ON_TOOL.swapped_by:
         return plain
     sizes = {
         order: float(np.linalg.norm(placed - stated[list(order)], axis=1).max())
@@ -408,7 +417,7 @@ def reference_points(points: MarkerPositions, tool: MarkerPositions) -> Referenc
     place = np.nanmedian(points.measured, axis=0)
     apart = np.linalg.norm(points.measured - place, axis=-1)
     usual = 1.4826 * np.nanmedian(apart, axis=0)
-    moved: Mask = apart > np.maximum(TOOL.scatters * usual, STANDING.floor)
+    moved: Mask = apart > np.maximum(SCATTERS * usual, STANDING.floor)
     together = (moved.sum(axis=1) > points.seen.sum(axis=1) / 2) & (points.seen.sum(axis=1) > 2)
     findings = []
     if together.any():

@@ -15,7 +15,7 @@ from edtk.findings.finding import (
     worst_first,
 )
 from edtk.findings.fitted_data import FittedData
-from edtk.findings.match_plan import not_measured, other_pose, pose_resolution
+from edtk.findings.match_plan import CHANCE, not_measured, other_pose, pose_resolution
 from edtk.findings.noise import (
     cause_findings,
     left_out_findings,
@@ -30,6 +30,7 @@ from edtk.measure.pose_table import pose_columns, pose_factors
 from edtk.robots.robot import Robot, shown_limits
 from edtk.system.typing import Array
 
+STANDS_STILL = 1e-6  # [rad or m] a joint that moves less stands still
 MOST_NAMED = 2  # open directions that are named in full
 MOST_LETTERS = 120  # of their names together
 
@@ -43,10 +44,8 @@ class Doubts:
     weak: float = 0.5  # standard deviation over the compliance above which it might as well be zero
     hardly_apart: float = 0.99  # correlation above which two parameters are hardly told apart
     much_wider: float = 5.0  # growth of a standard deviation by which a parameter rests on a pose
-    stands_still: float = 1e-6  # [rad or m] a joint that moves less stands still
     # Growth of a standard deviation beyond which a parameter is as good as unknown.
     unknown: float = 1e3
-    chance: float = 1e-3  # probability of equal rows up to which they are copies
 
 
 DOUBTS = Doubts()
@@ -224,7 +223,7 @@ def _linear_model(fitted: FittedData, rho0_bias: float | None) -> Iterator[Findi
 
 def still_joints(robot: Robot, q: Array) -> tuple[str, ...]:
     """The joints that stand still in all poses (m, n); none where all do."""
-    still = np.ptp(q, axis=0) <= DOUBTS.stands_still
+    still = np.ptp(q, axis=0) <= STANDS_STILL
     names = [name for name, is_still in zip(robot.joint_names, still, strict=True) if is_still]
     return () if len(names) == robot.n else tuple(names)
 
@@ -386,7 +385,7 @@ def _beyond_limits(data: Data) -> str:
 def copied_rows(fitted: FittedData) -> Finding | None:
     """Find rows that are the same, if they are more than coarse readings explain."""
     found = fitted.equal_rows
-    if found is None or found.chance > DOUBTS.chance:
+    if found is None or found.chance > CHANCE:
         return None
     return Finding.of(
         Severity.ALARM,

@@ -47,7 +47,7 @@ class SuggestedStudy:
     room: float = 0.15  # share of the poses that a constraint has to leave
     middle: float = 0.3  # of a joint's range, to each side of its middle, for the test pose
     best: int = 50  # sampled poses among which the rounded test pose is chosen
-    least_size: int = 4
+    least_size: int = 4  # experiments of a first plan: twice what six compliances need
     least_range: float = 10.0  # of a joint, beside the margin
     wrist: int = 3  # joints at most that turn in a wrist
 

@@ -31,19 +31,19 @@ KEY_OF_BOX = "noise.tracker_box_mm"
 class SearchOfPlaces:
     """How places of a tracker are searched."""
 
-    poses: int = 1000  # poses whose best weights say how good a place is
+    ranked_poses: int = 1000  # poses whose best weights say how good a place is
     # The logarithm to the base 2 of places that are drawn in a box, beside its corners.
     drawn: int = 5
     descents: int = 2  # from the best of these
     rounds: int = 4  # of a descent: the place for the design, the design for the place
-    tried: int = 40  # places that are tried for a design
+    tried_places: int = 40  # places that are tried for a design
     # Of the box: how near they are in the end, where they differ by less than a gain.
     near: float = 0.01
     gain: float = 1e-4  # relative: what a round must gain for another one
     first_step: float = 0.2  # of the box
     for_ranking: float = 0.3  # of the time in a box: which of its places promise most
     for_descents: float = 0.5  # of the rest: where these lead to
-    most: int = 200  # places times mounts, each of which has a plan of its own
+    most_setups: int = 200  # places times mounts, each of which has a plan of its own
 
 
 SEARCH = SearchOfPlaces()
@@ -129,8 +129,8 @@ class Places:
             raise ArgumentError(message, argument="place_tracker", where=study.where)
         stands = places if places or box else (today,)
         count = prod(map(len, listed.values())) * max(1, len(stands))
-        if count > SEARCH.most:
-            message = f"{count} places and mounts together; expected {SEARCH.most} at most"
+        if count > SEARCH.most_setups:
+            message = f"{count} places and mounts together; expected {SEARCH.most_setups} at most"
             raise ArgumentError(message, argument="place_tracker", where=study.where)
         directions = [map(np.array, one) for one in product(*listed.values())]
         mounts = tuple(dict(zip(listed, one, strict=True)) for one in directions)
@@ -358,7 +358,7 @@ class PlaceSearch:
             bounds=list(zip(*box[:, moved], strict=True)),
             options={
                 "initial_simplex": np.vstack([start, start + np.diag(inwards)]),
-                "maxfev": SEARCH.tried,
+                "maxfev": SEARCH.tried_places,
                 "xatol": max(MILLIMETRE, SEARCH.near * size.max()),
                 "fatol": SEARCH.gain * now,
             },

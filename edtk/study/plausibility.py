@@ -39,7 +39,7 @@ class Plausible:
     shortest_tool: float = 3e-3  # [m]
     small_arm: float = 0.3  # total length of links up to which a tool may be so small [m]
     longest_tool: float = 3.0  # length of a tool beside that of all links
-    typed: float = 0.05  # step of angles that people type [deg]
+    typed_step: float = 0.05  # step of angles that people type [deg]
     least_angle: float = 0.5  # the largest angle of a pose in radians that is not a pose at rest
     # Gears are chosen so that full load turns them by minutes of arc: 1e-3 rad a joint, and the
     # tool by up to three such turns times the reach.
@@ -49,12 +49,12 @@ class Plausible:
     judged_poses: int = 255  # poses within the joint limits in which loads are judged
     upright: float = 0.5  # share of a load along z, from which it counts as up or down
     # Times the error in the test pose: plans for all parameters have about the same.
-    several: float = 3.0
+    poor_around: float = 3.0
     # A plan that suits all parameters gives each a standard deviation of two to ten times the best
     # that it could have alone; thirty times is that of a thousandth of the experiments.
     hardly_excited: float = 30.0
     uncertain: float = 0.5  # standard deviation beside the parameter itself, where that is known
-    tried: int = 300  # among which the best experiment for each parameter is looked for
+    tried_experiments: int = 300  # among which the best experiment for each parameter is looked for
 
 
 PLAUSIBLE = Plausible()
@@ -136,7 +136,7 @@ def _unit_of_pose(study: StudyObjects, q_deg: Array, key: str) -> Iterator[Findi
 def is_like_radians(angles: Array) -> bool:
     """Whether the angles (n,) of one pose are small, and of more digits than people type [deg]."""
     moved = angles[angles != 0]
-    odd = np.abs(moved / PLAUSIBLE.typed - np.round(moved / PLAUSIBLE.typed)) > 1e-6
+    odd = np.abs(moved / PLAUSIBLE.typed_step - np.round(moved / PLAUSIBLE.typed_step)) > 1e-6
     small = bool((np.abs(angles) <= ONE_TURN).all())
     # Three joints at least: with fewer, small odd angles may well be degrees.
     many = odd.sum() >= max(3, len(moved) / 2)
@@ -242,7 +242,7 @@ def poor_around(expected: ExpectedError) -> tuple[Finding, ...]:
         expected: Errors to expect of the plan.
     """
     # What is told exactly in a test pose is compared with nothing.
-    if not 0 < PLAUSIBLE.several * expected.test_pose < expected.mean:
+    if not 0 < PLAUSIBLE.poor_around * expected.test_pose < expected.mean:
         return ()
     return (
         Finding.of(
@@ -359,7 +359,7 @@ def _candidates(study: StudyObjects) -> Array:
     given = study.specification
     source = CandidateSource(study.space, (given.seed, 0), given.sampling)
     try:
-        return source.take(min(PLAUSIBLE.tried, given.candidates)).x
+        return source.take(min(PLAUSIBLE.tried_experiments, given.candidates)).x
     except EmptyFeasibleSetError:
         return np.empty((0, study.space.size))
 

@@ -51,6 +51,7 @@ from edtk.system.typing import Array, Indices
 JointLoads = Callable[[Array, Array], Array]
 
 POSES = 200  # whose loads are usual
+FEASIBLE = -1e-9  # least slack [m or rad] of a pose that counts as feasible, against rounding
 COORDINATES = 3  # of the first marker; or a distance, in any number of rows
 
 
@@ -79,9 +80,6 @@ def given_parameters(
             f"with {expected}"
         )
     return {}
-
-
-FEASIBLE = -1e-9  # least slack [m or rad] of a pose that counts as feasible, against rounding
 
 
 class Kind(ABC):

@@ -216,7 +216,7 @@ class OfDesigns(Question):
 
         def relaxed(study: Study) -> RelaxedPlan:
             asked, criterion = asked_at(study)
-            few = min(asked.specification.candidates, SEARCH.poses)
+            few = min(asked.specification.candidates, SEARCH.ranked_poses)
             shared = call.size if self._knows(asked, criterion) else None
             return self._relaxed(asked, criterion, candidates=few, size=shared, options=quiet)
 

@@ -57,7 +57,9 @@ def test_plans_for_all_parameters_are_not_blamed() -> None:
 @pytest.mark.parametrize("criterion", ["rho0", "D"])
 def test_the_plan_says_so(criterion: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A plan for the test pose carries the sentence, where its numbers ask for it."""
-    monkeypatch.setattr(plausibility, "PLAUSIBLE", replace(plausibility.PLAUSIBLE, several=0.01))
+    monkeypatch.setattr(
+        plausibility, "PLAUSIBLE", replace(plausibility.PLAUSIBLE, poor_around=0.01)
+    )
     found = edtk.plan(STUDY.replace(candidates=100), 6, criterion, budget=0.2)
     assert len([one for one in found.warnings if "around the test pose" in one.words]) == (
         criterion == "rho0"

@@ -42,7 +42,7 @@ KINDS = [pytest.param(kind, id=kind) for kind in STUDIES]
 @pytest.fixture(autouse=True)
 def _short(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Searches of one round from few places: what is said of places holds for them too."""
-    few = replace(place_tracker.SEARCH, drawn=1, descents=1, rounds=2, tried=12)
+    few = replace(place_tracker.SEARCH, drawn=1, descents=1, rounds=2, tried_places=12)
     monkeypatch.setattr(place_tracker, "SEARCH", few)
     with short_search():
         yield

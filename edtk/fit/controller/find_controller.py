@@ -25,19 +25,19 @@ QUARTERS = np.deg2rad([0.0, 90.0, 180.0, -90.0])  # zeros that makers choose
 class SearchOfOffsets:
     """How offsets of joints are searched, and when a way to count is told."""
 
-    most_quarters: int = 1024
+    most_quarters: int = 1024  # combinations of quarter turns; where there are more, none is tried
     # Of all offsets those that begin best are improved a little, and of these a few to the end.
-    begin: int = 64
-    short: int = 6
-    finish: int = 6
-    long: int = 30
+    begin: int = 64  # offsets that are improved
+    short: int = 6  # steps that improve a little
+    finish: int = 6  # offsets that go to the end
+    long: int = 30  # steps to the end
     most_together: int = 100_000  # fits times positions: each takes some kilobytes
     polish: int = 40  # steps of the best fits
     many_positions: int = 12  # positions from which a part is enough to tell signs
     rank: float = 1e-7  # share of a column that others do not explain, from which it is told
     clear: float = 3.0  # factor of the rms by which every other way has to be worse
-    sure: float = 0.999
-    most_others: int = 5
+    sure: float = 0.999  # probability that errors alone make a smaller factor than that
+    most_others: int = 5  # ways beside the best that are fitted to all positions, and may be told
     far_off: float = 0.01  # rms beside the reach: nominal arms are wrong by a thousandth
     generic: int = 5  # seeds of places at which the numbers that can be told are looked for
 
