@@ -12,10 +12,11 @@ from edtk.certificate.day_bound import DayBound, read_proofs
 from edtk.certificate.proof import LARGEST, Experiments, LargestSensitivities, Proof
 from edtk.certificate.recompute import values
 from edtk.certificate.recompute.array_criteria import FORMS, Part
-from edtk.certificate.recompute.arrays import LONG, Candidates
+from edtk.certificate.recompute.arrays import Candidates
 from edtk.certificate.recompute.candidates import candidates, of_rows, require
 from edtk.certificate.recompute.covering import largest_sensitivities
 from edtk.certificate.recompute.day import Day
+from edtk.certificate.recompute.eigenpairs import LONG
 from edtk.certificate.recompute.exact_tree import Tree, plan_of
 from edtk.certificate.recompute.plain_data import number, table, text, whole
 from edtk.certificate.recompute.setting import Setting

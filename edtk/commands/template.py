@@ -87,13 +87,17 @@ def command(
     """
     from edtk.measure.cells import csv_text
     from edtk.verbs.inputs import load_study, require_output
-    from edtk.verbs.template import template
+    from edtk.verbs.template import program_files, template
 
     given = {name: value for name, value in of_program.items() if value is not None}
     _require_one(writer, positions, as_json, given)
     question = load_study(study)
     doubts = question.warnings  # first: this reads excluded poses too, and may fail
     require_output(timetable, *question.reads, plan)
+    if writer is None:
+        require_output(out, *question.reads, plan)
+    else:
+        program_files(question, plan, writer, out)
     day = _day(question, plan, timetable)
     if writer is None:
         table = template(question, plan, positions=positions, markers=markers, out=out)

@@ -256,8 +256,9 @@ class Errors(Presented):
             correlation: That of two runs after each other, between -1 and 1.
             series: Number of equal series that are independent of each other, or their sizes.
         """
-        if not is_number(correlation) or not -1 < correlation < 1:
-            message = "expected a number between -1 and 1"
+        # The least eigenvalue is above (1 - |c|)/2 for any number of runs.
+        if not is_number(correlation) or not 1 - abs(correlation) >= SINGULAR:
+            message = f"expected a number between -1 and 1, at least {SINGULAR:.0e} away from both"
             raise ArgumentError(message, argument="correlation", given=correlation)
         _require_groups(series, "series")
         words = f"noise that is correlated by {correlation:g} from run to run"
@@ -306,7 +307,10 @@ class Errors(Presented):
     def _of_matrix(cls, V: Array, words: str) -> "Errors":
         """Noise of a covariance (m, m), which must be definite."""
         r = np.linalg.eigvalsh(V)
-        if not r[0] > max(SINGULAR * r[-1], 1.0 / LARGEST_NUMBER):
+        if r[0] > SINGULAR * r[-1] and not r[0] > 1.0 / LARGEST_NUMBER:
+            message = f"expected variances of at least {1.0 / LARGEST_NUMBER:.0e}"
+            raise ArgumentError(message, argument="V")
+        if not r[0] > SINGULAR * r[-1]:
             message = "the covariance of the runs is not positive definite"
             hint = ", some runs are at one place: expected a nugget above 0"
             is_one_place = "distance" in words and r[0] > -SINGULAR * r[-1]
@@ -523,14 +527,19 @@ def variance_of_effects(given: object, argument: str) -> float:
 
 
 def _require_groups(given: Groups, name: str) -> None:
-    """Check that groups are a number, or a row of sizes or labels."""
+    """Check that groups are a number, or a row of sizes or labels that can be sorted."""
+    message = "expected a number of groups, their sizes, or a label for each run"
     try:
-        axes = np.ndim(given)
-    except ValueError:  # rows of several lengths
-        message = "expected a number of groups, their sizes, or a label for each run"
+        found = np.asarray(given)
+        is_label = (found == found).all()  # which nan is not
+        if found.ndim:
+            np.unique(found)
+    except (ValueError, TypeError):  # rows of several lengths, or labels that have no order
         raise ArgumentError(message, argument=name) from None
-    if axes == 0:
+    if found.ndim == 0:
         whole_number(given, name, 1)
+    elif not is_label:
+        raise ArgumentError(message, argument=name)
 
 
 def _require_factors(hard: object) -> None:

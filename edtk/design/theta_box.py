@@ -31,7 +31,9 @@ NO_EFFICIENCY = 1e-300  # efficiency of a design that does not tell all that is 
 # Part of the largest deviance that is tried up to which a rival is no other model.
 SAME_MODEL = 1e-20
 THETA_STEP = 1e-5  # of central differences, in parts of a range
-SAME_PEAK = 2.0  # of the distance to the nearest theta, up to which others are at its peak
+# Of the distance to the nearest theta, up to which others are at its peak. It was tuned on ranges
+# of biexponential models, of Michaelis and Menten's, and of models of compartments.
+SAME_PEAK = 2.0
 SAME_THETA = 1e-6  # parts of the ranges up to which two theta are one
 
 

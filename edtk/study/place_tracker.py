@@ -12,12 +12,11 @@ from edtk.design.exact.exact_plan import ExactPlan, Placement, TriedPlace
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.robots.frames import MILLIMETRE
-from edtk.study.plan_study import Progress
 from edtk.study.study import Study
 from edtk.study.study_model import marker_names
 from edtk.system.errors import ArgumentError, UserError
 from edtk.system.fields import Table
-from edtk.system.time_limit import no_progress, out_of_time, time_left, time_limit
+from edtk.system.time_limit import Progress, no_progress, out_of_time, time_left, time_limit
 from edtk.system.typing import Array
 
 KEY = "noise.tracker_position_mm"

@@ -1,6 +1,6 @@
 """The exact plan and the relaxation that a study asks for, and what is proved of all plans."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from time import monotonic
@@ -38,7 +38,7 @@ from edtk.robots.loads.fixed_load import FixedLoad
 from edtk.robots.loads.listed_load import ListedLoad
 from edtk.study.study import Study
 from edtk.system.errors import ArgumentError, UserError
-from edtk.system.time_limit import no_progress, time_limit
+from edtk.system.time_limit import Progress, no_progress, time_limit
 from edtk.system.typing import Array
 
 if TYPE_CHECKING:
@@ -79,9 +79,6 @@ def study_errors(study: "Study") -> Iterator[None]:
         raise UserError(str(error), where=study.where) from error
     except WorkersLostError as error:
         raise UserError(str(error)) from error
-
-
-Progress = Callable[[str, float], object]
 
 
 @dataclass(frozen=True, kw_only=True)

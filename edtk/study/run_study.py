@@ -20,7 +20,7 @@ from edtk.design.relaxation.relax import require_relaxable
 from edtk.design.relaxation.relax_poses import relax_poses
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.study.checkpoint import checkpoint_of
-from edtk.study.plan_study import DEFAULTS, Progress, RunOptions, source_of, study_errors
+from edtk.study.plan_study import DEFAULTS, RunOptions, source_of, study_errors
 from edtk.study.study import Study
 from edtk.study.study_run import (
     TABLE_TOLERANCE,
@@ -31,7 +31,7 @@ from edtk.study.study_run import (
     relaxation_key,
 )
 from edtk.system.errors import UserError
-from edtk.system.time_limit import time_left
+from edtk.system.time_limit import Progress, time_left
 from edtk.system.workers import WorkersLostError
 
 PLANS = 101  # of which the median is shown; odd, so that the median is one of them

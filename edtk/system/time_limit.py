@@ -1,6 +1,6 @@
 """How long a call may take: whoever improves something asks whether there is time to go on."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -10,6 +10,8 @@ import numpy as np
 
 LONGEST_S = 300.0  # of one program: nobody waits longer for the last digits of a bound
 SHORTEST_S = 5.0  # which a first program has in any case: without it there is no design at all
+
+Progress = Callable[[str, float], object]  # called with the current step, and a number beside it
 
 
 @dataclass

@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.problem import Problem
 from edtk.design.region import Region
-from edtk.study.plan_study import Progress
 from edtk.system.arguments import checked
-from edtk.system.time_limit import no_progress
+from edtk.system.time_limit import Progress, no_progress
 from edtk.verbs.inputs import CriterionLike, PlanLike, StudyLike
 from edtk.verbs.of_kinds import question_of
 from edtk.verbs.question import FIXED, PlanCall

@@ -23,9 +23,9 @@ from edtk.design.linear_constraints import LinearConstraints
 from edtk.design.problem import Problem
 from edtk.design.region import Region
 from edtk.design.relaxation.relax_region import relax_region
-from edtk.study.plan_study import Progress
 from edtk.system.arguments import is_number
 from edtk.system.errors import ArgumentError, finite_numbers, whole_number
+from edtk.system.time_limit import Progress
 from edtk.system.typing import Array, Indices
 from edtk.verbs.asked_limits import (
     Budgets,

@@ -1,10 +1,11 @@
 """`edtk.relax`: the best weights over candidate experiments, with a bound on every design."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, overload
 
 from edtk.system.arguments import checked
+from edtk.system.time_limit import Progress
 from edtk.verbs.of_kinds import question_of
 from edtk.verbs.question import RelaxCall
 
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from edtk.verbs.asked_limits import Constraint
     from edtk.verbs.inputs import CriterionLike, StudyLike
 
-Progress = Callable[[str, float], object]
 MEMORY_MB = 1000.0
 
 

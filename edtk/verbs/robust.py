@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 import criteria
+from criteria.linalg.inverse import TINY
 from edtk.design.bound import RelaxedDesign
 from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.model_design import places_of
@@ -21,9 +22,8 @@ from edtk.design.relaxation.relaxation import Relaxation
 from edtk.design.relaxation.relaxed_region import RelaxedRegion
 from edtk.design.relaxation.search_region import RegionGrid
 from edtk.design.theta_box import Robust, Shares, ThetaBox, WorstTheta
-from edtk.study.plan_study import Progress
 from edtk.system.errors import ArgumentError
-from edtk.system.time_limit import no_progress
+from edtk.system.time_limit import Progress, no_progress
 from edtk.system.typing import Array
 from edtk.verbs.inputs import CriterionLike
 
@@ -107,7 +107,7 @@ def over_ranges(
     asked: CriterionLike,
     solve: Callable[[Any, criteria.Criterion], Design],
     progress: Progress = no_progress,
-    plans: int = 0,
+    plans: int | None = None,
 ) -> Design:
     """The design whose worst theta within ranges is the best, see `edtk.design.theta_box`.
 
@@ -119,7 +119,8 @@ def over_ranges(
         asked: The criterion of one model.
         solve: Finds the best design of a problem or a region of several models.
         progress: Called with a line about the current step, and a number that goes with it.
-        plans: Plans at most, each of which is a search of its own, where `solve` finds plans.
+        plans: Plans at most, each of which is a search of its own; None where `solve` finds
+            weights.
     """
     assert question.robust is not None
     assert question.robust.box is not None
@@ -131,7 +132,7 @@ def over_ranges(
         on_grid = replace(ranges, box=grid)
         thetas, _ = on_grid.that_count(on_grid.served(relax, thetas))
         ranges = replace(ranges, grid=grid)
-    if not plans:
+    if plans is None:
         return ranges.served(solve, thetas)
     weights = ranges.served(partial(best_weights, progress=progress), thetas)
     assert weights.worst is not None
@@ -171,7 +172,7 @@ class _Ranges:
         return self.known[model]
 
     def optimum(self, model: Any, criterion: criteria.Criterion) -> tuple[float, Shares]:
-        """The same: their cost, and how experiments are shared out."""
+        """Cost of the best weights for one model alone, and how they share experiments out."""
         found = self.best(model, criterion)
         sites = self.box if self.grid is None or isinstance(model, Region) else self.grid
         return found.cost, _shares(found, sites)
@@ -204,7 +205,8 @@ class _Ranges:
             worst = WorstTheta(named, value, np.array(thetas), self.box.what)
             design = replace(design, worst=worst)
             of_list = self.box.values(np.array(thetas), shares, *judges).min()
-            self.progress(f"{len(thetas)} theta together", float(1 - value / of_list))
+            worse = (of_list - value) / max(of_list, TINY)
+            self.progress(f"{len(thetas)} theta together", float(worse))
             if value >= of_list * (1 - ENOUGH) or not self.box.is_new(theta, thetas):
                 return design
             trials = [theta]
@@ -230,6 +232,8 @@ class _Ranges:
         traces = design.multipliers.sum(axis=0) * sites.information(design.weights)
         parts = traces.sum(axis=0).reshape(len(thetas), -1).sum(axis=1)
         counts = parts > PART * parts.max()
+        if not counts.any():  # such as where nothing is proved: all theta alike
+            return [*thetas], np.ones(len(thetas))
         return [*thetas[counts]], parts[counts]
 
 

@@ -10,14 +10,14 @@ from edtk.certificate.certificate import certificate_text, is_certifiable
 from edtk.design.exact.exact_plan import ExactPlan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan
 from edtk.report.comparison_report import comparison_files
-from edtk.study.plan_study import Progress, RunOptions
+from edtk.study.plan_study import RunOptions
 from edtk.study.run_study import run_study
 from edtk.study.study import Study
 from edtk.study.study_run import KINDS, StudyRun, run_files
 from edtk.system.arguments import checked
 from edtk.system.errors import UserError
 from edtk.system.files import Content, FolderLock, made_folder, sweep, write_files
-from edtk.system.time_limit import no_progress, time_limit
+from edtk.system.time_limit import Progress, no_progress, time_limit
 from edtk.verbs.inputs import (
     StudyLike,
     errors_in,

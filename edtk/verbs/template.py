@@ -164,9 +164,7 @@ def program(
     brand = writers.get(writer)
     robot = question.study.robot
     measured = as_plan(question.study, plan)
-    files = _paths(brand, out, name_of(plan, "plan"))
-    for path in files.values() if out is not None and not is_standard_output(out) else ():
-        require_output(path, *question.study.reads, *files_of(plan))
+    files = program_files(question.study, plan, writer, out)
     table = template(question.study, measured, markers=markers)
     with errors_in(name_of(plan, "plan")):
         named = program_axes(robot, axes)
@@ -202,6 +200,20 @@ def program(
     if out is not None:
         _write(found, files, out)
     return found
+
+
+def program_files(
+    study: Study, plan: PlanLike, writer: str, out: Path | str | None
+) -> dict[str, Path]:
+    """The file of each ending of a program, which are checked before long work.
+
+    Raises:
+        UserError: No writer has this name, or a file is none that can be written.
+    """
+    files = _paths(writers.get(writer), out, name_of(plan, "plan"))
+    for path in files.values() if out is not None and not is_standard_output(out) else ():
+        require_output(path, *study.reads, *files_of(plan))
+    return files
 
 
 def _ways_and_home(

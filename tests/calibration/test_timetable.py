@@ -238,3 +238,17 @@ def test_a_study_without_times_has_no_timetable(tmp_path, monkeypatch):
     words = ["template", "study.toml", "plan.csv", "--out", "sheet.csv", "--timetable", "t.csv"]
     assert CliRunner().invoke(main, words).exit_code == 2
     assert not Path("sheet.csv").exists()
+
+
+@pytest.mark.parametrize("asked", [(), ("--program", "krl")], ids=["sheet", "program"])
+def test_no_day_is_planned_for_files_that_cannot_be_written(asked, tmp_path, monkeypatch):
+    """An output that is an input is refused before the long work."""
+    monkeypatch.chdir(tmp_path)
+    study = arm(scene=SCENE)
+    study.to_toml("study.toml")
+    plan_of([[30, 0], [-30, 0]]).to_csv("plan.src", study.robot)
+    monkeypatch.setattr("edtk.verbs.template.timetable", None)
+    words = ["template", "study.toml", "plan.src", "--out", "plan.src", *asked]
+    result = CliRunner().invoke(main, words)
+    assert result.exit_code == 2
+    assert "is read by this command" in result.stderr

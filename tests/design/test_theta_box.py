@@ -1,5 +1,7 @@
 """Ranges of theta and rivals: published optima, brute force over the ranges, bounds, bad input."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,8 +11,11 @@ from scipy.stats import binom, gamma, norm, poisson
 import edtk
 from edtk.design.bound import BoundKind
 from edtk.design.families import FAMILIES, Response
-from edtk.design.theta_box import Shares
+from edtk.design.relaxation.relax import relax
+from edtk.design.theta_box import EfficiencyBox, Shares
 from edtk.system.errors import ArgumentError
+from edtk.system.time_limit import no_progress
+from edtk.verbs.robust import _Ranges
 
 ENZYME = "V * x / (K + x)"
 PARABOLA = "a + b * x + c * x^2"
@@ -503,3 +508,25 @@ def test_bad_ranges_are_refused_in_one_line(name):
     with pytest.raises(ArgumentError, match=words) as caught:
         call()
     assert "\n" not in str(caught.value)
+
+
+def test_theta_of_which_nothing_is_proved_have_equal_parts():
+    """Multipliers of zero name no theta; all of the list then count alike."""
+    dose = edtk.Region.of_model(
+        ENZYME, {"V": 2.0, "K": (0.2, 1.0)}, {"x": (0, 1)}, robust="maximin"
+    )
+    found = edtk.relax(dose)
+    nothing = replace(found, multipliers=0.0 * found.multipliers)
+    ranges = _Ranges(dose.robust.box, None, "D", no_progress)
+    thetas, parts = ranges.that_count(nothing)
+    np.testing.assert_array_equal(thetas, found.worst.thetas)
+    np.testing.assert_array_equal(parts, 1.0)
+
+
+def test_a_list_without_efficiency_is_told_without_a_division_by_it(monkeypatch):
+    """Where each theta has none, none is worse: the told number is zero."""
+    monkeypatch.setattr(EfficiencyBox, "values", lambda self, thetas, *rest: np.zeros(len(thetas)))
+    told = []
+    ranges = _Ranges(enzyme((0.2, 1.0)).robust.box, None, "D", lambda *one: told.append(one))
+    ranges.served(relax, [ranges.box.inside()])
+    assert ("1 theta together", 0.0) in told

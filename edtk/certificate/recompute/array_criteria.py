@@ -34,6 +34,7 @@ from edtk.certificate.recompute.arrays import (
     same_multipliers,
 )
 from edtk.certificate.recompute.candidates import PER_CUBE, PER_SQUARE, require
+from edtk.certificate.recompute.eigenpairs import eigenpairs
 from edtk.certificate.recompute.plain_data import number, numbers, rows, text
 from edtk.certificate.recompute.tasks import EPS
 from edtk.certificate.recompute.values import Multipliers
@@ -301,7 +302,7 @@ def _of_predictions(given: Any, p: int) -> Array:
         W = numbers(given["W"], (p, p), "criterion.W")
         d = np.sqrt(np.maximum(np.diag(W), 0.0))
         unit = np.where(d > 0, d, 1.0)
-        r, V = np.linalg.eigh(0.5 * (W + W.T) / unit[:, None] / unit)
+        r, V = eigenpairs(0.5 * (W + W.T) / unit[:, None] / unit)
         kept = r > 16 * p * EPS * r[-1]
         return np.asarray(d[:, None] * V[:, kept] * np.sqrt(r[kept]))
     K, group = _grouped(given["points"], p, "prediction_G")
@@ -420,13 +421,13 @@ class Several:
         pairs = zip(self.parts, sides, strict=True)
         slopes = [back @ part.slope(D, Q.T @ J) for part, J in pairs]
         w = [math.sqrt(each) * slope for each, slope in zip(u, slopes, strict=True)]
-        values, V = np.linalg.eigh(np.sum([each @ each.T for each in w], axis=0))
+        values, V = eigenpairs(np.sum([each @ each.T for each in w], axis=0))
         S = (V * np.maximum(values, FLOOR * values[-1]) ** -0.5) @ V.T
         roots = [each.T @ S for each in w]
         whole = np.sum([root.T @ root for root in roots], axis=0)
         rounding = 64 * len(F) * EPS
         most = max(1.0, float(np.linalg.eigvalsh(whole)[-1])) * (1 + rounding)
-        r, V = np.linalg.eigh(np.eye(len(S)) - whole / most)
+        r, V = eigenpairs(np.eye(len(S)) - whole / most)
         left = np.sqrt(np.maximum(r - rounding, 0.0))[:, None] * V.T
         return [
             np.vstack([root / math.sqrt(most), math.sqrt(each) * left]) @ P[:, kept].T

@@ -17,26 +17,21 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from edtk.certificate.recompute.eigenpairs import LONG, LONG_EPS, Long, eigenpairs, rotations
 from edtk.certificate.recompute.tasks import EPS, CovarianceRoot
 from edtk.certificate.recompute.values import Multipliers, factor_of, noise_amplification
 from edtk.certificate.recompute.weight_limits import WeightLimits
 from edtk.system.typing import Array, Indices
 
 TINY = float(np.finfo(float).tiny)
-LONG = np.longdouble
-Long = NDArray[np.floating[Any]]
-LONG_EPS = float(np.finfo(LONG).eps)
 # x86 has longer numbers than doubles; Windows and Apple's machines have not.
 IS_LONGER = LONG_EPS < EPS
 EPS_OF_SUM = LONG_EPS if IS_LONGER else 2.0**-63  # for each term of `long_product`
 SPLIT = 2.0**27 + 1  # halves the 53 digits of a double
 AT_ONCE = 2**18  # doubles of rows that are looked at together
-SWEEPS = 30  # of rotations; ten are the rule
 DIGITS = 4  # roundings of each number of a combination of rows, as it is given
 LOST = 1e3  # multiple of ``p eps`` up to which a singular value is rounding
 FAR = 1e-7  # ratio of singular values from which on a decomposition leaves no digits
@@ -79,7 +74,7 @@ def row_root(M: Array) -> tuple[Array, Array]:
     """
     d = np.sqrt(np.maximum(np.diagonal(M, axis1=-2, axis2=-1), 0.0))
     unit = np.where(d > 0, d, 1.0)
-    r, V = np.linalg.eigh(M / unit[..., :, None] / unit[..., None, :])
+    r, V = eigenpairs(M / unit[..., :, None] / unit[..., None, :])
     rows = np.sqrt(np.maximum(r, 0.0))[..., None] * np.swapaxes(V, -1, -2) * d[..., None, :]
     return rows, np.maximum(-r[..., 0], 0.0) + 8 * M.shape[-1] * EPS * np.abs(r).max(axis=-1)
 
@@ -632,7 +627,7 @@ def definite_parts(Y: Long, sizes: Array) -> tuple[float, float]:
         sizes: Sizes (p, p) of the terms of its entries, whose rounding is a part of them.
     """
     p = len(Y)
-    V = _rotations(Y)
+    V = rotations(Y)
     W = V.T @ Y @ V
     E = np.abs(W - np.diag(np.diag(W)))
     E = E + 8 * p * LONG_EPS * (np.abs(V).T @ sizes.astype(LONG) @ np.abs(V))
@@ -647,30 +642,3 @@ def definite_parts(Y: Long, sizes: Array) -> tuple[float, float]:
     turned = 1 + float(np.abs(V.T @ V - np.eye(p)).sum()) + 8 * p * EPS
     above = float(np.maximum(d, 0).sum()) / turned
     return above, float(-np.minimum(d, 0).sum()) * turned
-
-
-def _rotations(Y: Long) -> Long:
-    """V (p, p), orthogonal, with ``V'Y V`` nearly diagonal: Jacobi's rotations, largest first."""
-    p = len(Y)
-    order = np.argsort(-np.abs(np.diag(Y)), kind="stable")
-    A = Y[np.ix_(order, order)]
-    V: Long = np.eye(p, dtype=LONG)[:, order]
-    for _ in range(SWEEPS):
-        turned = False
-        for a in range(p - 1):
-            for b in range(a + 1, p):
-                c = A[a, b]
-                if abs(c) <= LONG_EPS * np.sqrt(abs(A[a, a] * A[b, b])):
-                    continue
-                turned = True
-                zeta = (A[b, b] - A[a, a]) / (2 * c)
-                tangent = (1 if zeta >= 0 else -1) / (abs(zeta) + np.hypot(LONG(1), zeta))
-                cosine = 1 / np.hypot(LONG(1), tangent)
-                G = np.array([[cosine, tangent * cosine], [-tangent * cosine, cosine]])
-                A[:, [a, b]] = A[:, [a, b]] @ G
-                A[[a, b]] = G.T @ A[[a, b]]
-                A[a, b] = A[b, a] = 0
-                V[:, [a, b]] = V[:, [a, b]] @ G
-        if not turned:
-            break
-    return V

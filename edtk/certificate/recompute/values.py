@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from edtk.certificate.recompute.eigenpairs import eigenpairs
 from edtk.certificate.recompute.plain_data import in_range, numbers, rows
 from edtk.certificate.recompute.tasks import EPS, deviations
 from edtk.system.typing import Array
@@ -166,7 +167,7 @@ class Multipliers:
         """
         diagonal = np.diagonal(self.Z, axis1=1, axis2=2)
         if self.indefinite:
-            values, V = np.linalg.eigh(self.Z)
+            values, V = eigenpairs(self.Z)
             size = np.abs(values)
             diagonal = np.einsum("rak,rk->ra", V**2, size)
             # The decomposition rounds like this, in the norm of the whole.
@@ -307,7 +308,7 @@ def factor_of(Z: Array) -> Array:
     """
     scale = np.sqrt(np.maximum(np.diag(Z), 0.0))
     divisor = np.where(scale > 0, scale, 1.0)
-    values, V = np.linalg.eigh(Z / divisor[:, None] / divisor)
+    values, V = eigenpairs(Z / divisor[:, None] / divisor)
     values = values - 4 * EPS * len(Z)
     return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * V.T * scale)
 

@@ -1,6 +1,5 @@
 """The search for the best plan of whole experiments on the candidates of a problem."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from time import monotonic
@@ -38,10 +37,9 @@ from edtk.design.relaxation.proof import errors
 from edtk.design.relaxation.restricted_master import RelaxationError
 from edtk.design.relaxation.setting import OrderOne, Setting
 from edtk.system.errors import UserError
-from edtk.system.time_limit import time_limit
+from edtk.system.time_limit import Progress, time_limit
 from edtk.system.typing import Array, Indices
 
-Progress = Callable[[str, float], object]
 # Margins that may be between the best plan and the bound: the proof has two, its cost one.
 SURE = 3
 PROVED_STARTS = 1  # of a search that a proof continues

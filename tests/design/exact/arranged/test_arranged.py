@@ -255,12 +255,19 @@ def test_the_largest_variance_of_effects_tells_all_parameters():
     assert plan.value == pytest.approx(exact, rel=min(plan.accuracy, 1e-8))
 
 
+@pytest.mark.parametrize("correlation", [1 - 1e-10, 1e-10 - 1])
+def test_noise_that_is_nearly_the_same_in_all_runs_is_definite(correlation):
+    """Of the largest correlations that are taken, no eigenvalue of many runs is rounding."""
+    noise = Errors.autoregressive(correlation).of_runs(60).noise
+    assert np.linalg.eigvalsh(noise)[0] == pytest.approx(5e-11, rel=0.01)
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
         (lambda: Errors.trend(1, 1e-50), "at least 2e-16 of the noise's"),
         (lambda: Errors.trend(1, 1e12), "at most 1e+08 of the noise's, or inf for fixed effects"),
-        (lambda: Errors.covariance(1e-300 * np.eye(2)), "not positive definite"),
+        (lambda: Errors.covariance(1e-300 * np.eye(2)), "expected variances of at least 1e-150"),
         (lambda: Errors.covariance(1e300 * np.eye(2)), "at most 1e+150"),
         (lambda: edtk.plan(quadratic(), 12, errors=Errors.split_plot("v", 4)), "no factor 'v'"),
         (lambda: edtk.plan(quadratic(), 12, errors=Errors.split_plot("w", 5)), "12 runs do not"),
@@ -269,12 +276,16 @@ def test_the_largest_variance_of_effects_tells_all_parameters():
         (lambda: edtk.plan(quadratic(), 12, errors="AR"), "structure of errors"),
         (lambda: edtk.plan(quadratic(), 12, errors=Errors.trend(), most=1), "most"),
         (lambda: Errors.autoregressive(1.0), "between -1 and 1"),
+        (lambda: Errors.autoregressive(1 - 1e-15), "at least 1e-10 away from both"),
+        (lambda: Errors.autoregressive(np.nan), "between -1 and 1"),
         (lambda: Errors.covariance([[1, 2], [2, 1]]), "not positive definite"),
         (lambda: Errors.spatial([0, 0, 1], 1.0), "nugget"),
         (lambda: Errors.strata({"day": 2}, -1.0), "above 0"),
         (lambda: Errors.strata({"day": 2}, hard={"week": "w"}), "no stratum 'week'"),
         (lambda: Errors.strata({"day": "two"}), "whole number"),
         (lambda: Errors.strata({"day": [[1, 2], 3]}), "day: expected a number of groups"),
+        (lambda: Errors.strata({"day": [None, 1, 2]}), "day: expected a number of groups"),
+        (lambda: Errors.strata({"day": [np.nan, 1, 2]}), "day: expected a number of groups"),
         (lambda: Errors.trend(series=[[1], [2, 3]]), "series: expected a number of groups"),
         (lambda: Errors.autoregressive(0.3, 2.5), "series 2.5: expected a whole number"),
         (lambda: Errors.split_plot(5, 4), "names of factors"),
