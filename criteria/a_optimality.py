@@ -8,7 +8,7 @@ from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import CovarianceCriterion
 from criteria.curvature import Curvature, curvature_of_variances
 from criteria.linalg.inverse import power_trace, power_trace_of_root
-from criteria.linalg.spectrum import log_of_inverse
+from criteria.linalg.logarithms import log_of_inverse
 from criteria.linalg.typing import Array
 from criteria.registry import register
 

@@ -7,13 +7,9 @@ from numpy.typing import ArrayLike
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.curvature import Curvature, curvature_of_variances
-from criteria.linalg.inverse import (
-    long_product,
-    lowered_root,
-    power_trace_of_root,
-    rounding_of_rows,
-)
-from criteria.linalg.spectrum import log_of_inverse
+from criteria.linalg.inverse import lowered_root, power_trace_of_root, rounding_of_rows
+from criteria.linalg.logarithms import log_of_inverse
+from criteria.linalg.long_product import long_product
 from criteria.linalg.typing import Array
 from criteria.registry import register
 

@@ -6,13 +6,8 @@ import numpy as np
 
 from criteria.criterion import KinkedCriterion
 from criteria.linalg.inverse import eigenpairs
-from criteria.linalg.spectrum import (
-    bounded_below,
-    conjugate,
-    definite_parts,
-    largest_eigenvalue,
-    soft_maximum,
-)
+from criteria.linalg.logarithms import soft_maximum
+from criteria.linalg.spectrum import bounded_below, conjugate, definite_parts, largest_eigenvalue
 from criteria.linalg.typing import Array
 from criteria.registry import register
 from criteria.relaxable import Formulation, Relaxable, SpectralBand

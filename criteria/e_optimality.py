@@ -7,7 +7,8 @@ import numpy as np
 from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import CovarianceCriterion, KinkedCriterion
 from criteria.linalg.inverse import eigenpairs
-from criteria.linalg.spectrum import bounded_below, conjugate, soft_maximum
+from criteria.linalg.logarithms import soft_maximum
+from criteria.linalg.spectrum import bounded_below, conjugate
 from criteria.linalg.typing import Array
 from criteria.registry import register
 from criteria.relaxable import Formulation, SpectralBand

@@ -7,7 +7,8 @@ import numpy as np
 from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import CovarianceCriterion, KinkedCriterion
 from criteria.linalg.inverse import lowered_root, power_trace_of_root, whitener
-from criteria.linalg.spectrum import conjugate, soft_maximum
+from criteria.linalg.logarithms import soft_maximum
+from criteria.linalg.spectrum import conjugate
 from criteria.linalg.typing import Array
 from criteria.registry import register
 

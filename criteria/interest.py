@@ -17,7 +17,8 @@ from criteria.linalg.estimable import (
     open_directions,
     strayed_part,
 )
-from criteria.linalg.inverse import long_product, rounding_of_rows, scaled_inverse, whitener
+from criteria.linalg.inverse import rounding_of_rows, scaled_inverse, whitener
+from criteria.linalg.long_product import long_product
 from criteria.linalg.spectrum import is_semidefinite
 from criteria.linalg.typing import Array, Indices, Mask
 from criteria.relaxable import Formulation, Relaxable, SpectralBand

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from criteria.criterion import Criterion, KinkedCriterion
-from criteria.linalg.spectrum import soft_maximum
+from criteria.linalg.logarithms import soft_maximum
+from criteria.linalg.shares import least_squares_shares
 from criteria.linalg.typing import Array
 from criteria.registry import register
 from criteria.relaxable import Formulation
 from criteria.several_criteria import SeveralCriteria
-from criteria.worst_task_accuracy import least_squares_shares
 
 if TYPE_CHECKING:
     import cvxpy as cp

@@ -7,7 +7,7 @@ import numpy as np
 
 from criteria.criterion import Criterion
 from criteria.interest import Interest
-from criteria.linalg.spectrum import log_of_inverse
+from criteria.linalg.logarithms import log_of_inverse
 from criteria.linalg.typing import Array
 from criteria.relaxable import Formulation, Relaxable
 

@@ -12,14 +12,15 @@ from criteria.g_optimality import WEIGHT_STEPS
 from criteria.linalg.inverse import (
     TINY,
     eigenpairs,
-    long_product,
     lowered_root,
     power_trace_of_root,
     rounding_of_rows,
     whitener,
 )
-from criteria.linalg.spectrum import soft_maximum
-from criteria.linalg.typing import Array, Indices, isometric, triangle
+from criteria.linalg.logarithms import soft_maximum
+from criteria.linalg.long_product import long_product
+from criteria.linalg.shares import least_squares_shares
+from criteria.linalg.typing import Array, Indices, triangle
 from criteria.registry import register
 from criteria.relaxable import Formulation
 
@@ -210,29 +211,6 @@ def _least_squares_weights(squares: Array, Z: Array) -> Array:
     largest = sizes.max()
     # Without the penalty a task below the largest error may stand in for some that have it.
     return least_squares_shares(squares, Z, 1 - sizes / largest, largest)
-
-
-def least_squares_shares(G: Array, Z: Array, penalty: Array, unit: float = 1.0) -> Array:
-    """Shares (k,) of sum one with ``sum u_j G_j`` near a multiple of Z; zeros if there are none.
-
-    Args:
-        G: Symmetric matrices (k, s, s).
-        Z: A semidefinite matrix (s, s).
-        penalty: What each share costs (k,), from zero on.
-        unit: Size of the matrices, by which they are divided.
-    """
-    from scipy.optimize import nnls
-
-    rows, columns = triangle(Z.shape[-1])
-    length = isometric(Z.shape[-1])
-    A = np.vstack([(G[:, rows, columns] * length).T / unit, penalty])
-    b = np.append(Z[rows, columns] * length / max(float(np.trace(Z)), TINY), 0.0)
-    try:
-        shares, _ = nnls(A, b)
-    except RuntimeError:  # too many iterations: the other choice remains
-        shares = np.zeros(len(G))
-    total = shares.sum()
-    return np.asarray(shares / total if total > 0 else shares)
 
 
 def _steps(squares: Array, Z: Array, weights: Array) -> list[Array]:

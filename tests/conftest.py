@@ -14,7 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 from criteria import registry
-from criteria.linalg.inverse import IS_LONGER
+from criteria.linalg.long_product import IS_LONGER
 from edtk.design.relaxation.relax_poses import ROUNDS
 from edtk.fit.run_chain import Demand
 from edtk.report.page import PX, svg

@@ -14,7 +14,8 @@ from edtk.cell.beams import Beams
 from edtk.cell.shapes import Box, Capsule, Plane, Shape
 from edtk.cell.sight import Eye, Reflector, Sight
 from edtk.certificate.case import ON_CANDIDATES
-from edtk.certificate.problem_proofs import coverings_to_list, tree_to_dict
+from edtk.certificate.coverings import coverings_to_list
+from edtk.certificate.problem_proofs import tree_to_dict
 from edtk.certificate.recompute.pose_polynomials import require_checkable
 from edtk.certificate.recompute.setting import Setting
 from edtk.design.bound import BoundKind

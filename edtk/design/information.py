@@ -11,7 +11,8 @@ from functools import cached_property, partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from criteria.linalg.inverse import EPS, EPS_OF_SUM, long_product, root
+from criteria.linalg.inverse import EPS, root
+from criteria.linalg.long_product import EPS_OF_SUM, long_product
 from criteria.linalg.models import Models, taken
 from criteria.linalg.typing import triangle
 from edtk.design.conditioning import Conditioning

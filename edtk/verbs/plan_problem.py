@@ -13,7 +13,7 @@ import criteria
 from edtk.design.enclosure.prove_region import prove_region
 from edtk.design.errors import Errors, variance_of_effects
 from edtk.design.exact import plan_region as exact
-from edtk.design.exact.arranged.arranged_plan import find_arranged
+from edtk.design.exact.arranged.find_arranged import find_arranged
 from edtk.design.exact.counts.find_counts import find_counts
 from edtk.design.exact.counts.limits import ROUNDING_OF_FUNDS, Limits
 from edtk.design.exact.counts.problem_plan import ProblemPlan

@@ -15,7 +15,7 @@ import criteria
 import edtk
 import edtk.design.enclosure.cover as prover
 from edtk.certificate.certificate import certificate
-from edtk.certificate.problem_proofs import coverings_to_list
+from edtk.certificate.coverings import coverings_to_list
 from edtk.certificate.recompute.covering import Covering, largest_sensitivities
 from edtk.certificate.recompute.forms import DEGREE, Form, Link
 from edtk.certificate.recompute.physics import Friction

@@ -14,7 +14,7 @@ from short_search import short_search
 import edtk
 from edtk.design.exact import visit_search
 from edtk.design.exact.exact_plan import ExactPlan
-from edtk.design.exact.round_poses import _Spread
+from edtk.design.exact.spread import _Spread
 from edtk.design.exact.visit_search import VisitSearch
 from edtk.design.interior_point import descend
 from edtk.design.relaxation import relax_poses, search_continuum

@@ -8,7 +8,7 @@ import numpy as np
 from criteria import Criterion, Interest
 from criteria.criterion import DeterminantCriterion
 from criteria.linalg.inverse import guarded_inverse
-from criteria.linalg.spectrum import log_determinant
+from criteria.linalg.logarithms import log_determinant
 from criteria.linalg.typing import triangle
 from edtk.design.problem import Problem
 from edtk.system.typing import Array, Mask

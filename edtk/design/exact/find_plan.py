@@ -13,7 +13,7 @@ from edtk.design.design_space import DesignSpace
 from edtk.design.exact.apportion import apportion
 from edtk.design.exact.exact_plan import ExactPlan, FoundPlan, require_enough
 from edtk.design.exact.refine import draw_starts, exchange_and_refine, refine, tidy
-from edtk.design.exact.round_poses import divided, round_poses, spread
+from edtk.design.exact.round_poses import round_poses
 from edtk.design.exact.search_record import (
     CHAMPIONS,
     COARSE,
@@ -26,6 +26,7 @@ from edtk.design.exact.search_record import (
     Search,
     SearchRecord,
 )
+from edtk.design.exact.spread import divided, spread
 from edtk.design.information import distinct
 from edtk.design.plan import Plan
 from edtk.design.relaxation.relaxed_plan import RelaxedPlan

@@ -18,8 +18,8 @@ from edtk.design.exact.counts.problem_plan import ProblemPlan
 from edtk.design.exact.exact_plan import FoundPlan
 from edtk.design.exact.exchange import exchange
 from edtk.design.exact.refine import exchange_in_turn, refine, tidy
-from edtk.design.exact.round_poses import divided, spread
 from edtk.design.exact.search_record import Plans
+from edtk.design.exact.spread import divided, spread
 from edtk.design.plan import Plan
 from edtk.design.problem import Problem, RankDeficientError
 from edtk.design.relaxation.proof import normalised

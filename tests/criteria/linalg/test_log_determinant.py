@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matrices import positive
 
-from criteria.linalg.spectrum import log_determinant
+from criteria.linalg.logarithms import log_determinant
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 7])

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from criteria.linalg.inverse import EPS_OF_SUM, compensated_product, long_product
+from criteria.linalg.long_product import EPS_OF_SUM, compensated_product, long_product
 from edtk.certificate.recompute import arrays
 
 

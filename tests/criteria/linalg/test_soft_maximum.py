@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matrices import EPS
 
-from criteria.linalg.spectrum import soft_maximum
+from criteria.linalg.logarithms import soft_maximum
 
 sharpnesses = pytest.mark.parametrize("sharpness", [2.0, 8.0, 50.0, 1e4])
 

@@ -9,7 +9,7 @@ from noisy import NOISY
 
 import criteria
 from edtk.design.candidate_source import sample_feasible
-from edtk.design.exact.round_poses import divided, spread
+from edtk.design.exact.spread import divided, spread
 from edtk.robots.robot import joint_distance
 from edtk.study.plan_study import plan_study
 
@@ -19,7 +19,7 @@ CRITERION = criteria.create("D")
 @pytest.fixture(autouse=True)
 def few_passes(monkeypatch):
     """Starts here are far from optima, to which many passes would lead."""
-    monkeypatch.setattr("edtk.design.exact.round_poses.SPREADING_PASSES", 2)
+    monkeypatch.setattr("edtk.design.exact.spread.SPREADING_PASSES", 2)
 
 
 @pytest.mark.slow
