@@ -33,7 +33,9 @@ STATED = {b"MM": "mm", b"IN": "inch", b"INCH": "inch", b"INCHES": "inch", b"M": 
 STATES = re.compile(rb"UNITS?\s*=\s*(MM|INCHES|INCH|IN|M)\b", re.IGNORECASE)
 CORNER = re.compile(rb"vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 MOST_NODES = 10_000  # of a scene: a node that stands in many others multiplies them
-LARGEST_INDEX = 2**31  # of a whole number
+# Of a count, a stride or an index in a file: far above what a million triangles need, and the same
+# number as a float and as an integer of the machine.
+LARGEST_WHOLE = 2**31
 SURFACES = ("triangles", "polylist", "polygons", "tristrips", "trifans")
 
 
@@ -418,6 +420,6 @@ def _attribute(element: Element, key: str, default: str = "") -> int:
 def _whole(text: str, element: Element, count: int | None = None) -> Indices:
     """The whole numbers of a text, none of them negative."""
     found = _numbers(text, element, count)
-    if ((found != np.round(found)) | (found < 0) | (found > LARGEST_INDEX)).any():
+    if ((found != np.round(found)) | (found < 0) | (found > LARGEST_WHOLE)).any():
         raise ValueError(f"line {element.line}: <{element.tag}> has other than whole numbers")
     return found.astype(int)

@@ -297,13 +297,13 @@ class Case:
             ValueError: The multipliers prove nothing.
         """
         if self.day is not None:
-            return values.cost(self.name, self.of_day.cost(searched))
+            return values.printed(self.name, self.of_day.cost(searched))
         found = self.largest
         t = found.searched if searched else found.proved
         cost = self._least_cost(found.multipliers.Z, t, self.proof.task_weights)
         if self.kind == "plan":
             cost *= self.made.amount.sum() ** -self.degree
-        return values.cost(self.name, cost)
+        return values.printed(self.name, cost)
 
     @cached_property
     def bound_proved(self) -> float:
@@ -327,7 +327,7 @@ class Case:
         cost = self._least_cost(Z.Z, t, given.get("task_weights"))
         if self.kind == "plan":
             cost *= self.made.amount.sum() ** -self.degree
-        return values.cost(self.name, cost)
+        return values.printed(self.name, cost)
 
     @property
     def known_to_all(self) -> Array:

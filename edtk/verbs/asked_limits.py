@@ -102,10 +102,26 @@ class Budgets:
         if not (funds > 0).all():
             raise ArgumentError("expected above 0", argument="cost_budget", given=budget)
         found = cls(prices, np.atleast_1d(funds), each.ndim == 1)
-        if not 1.0 / LARGEST_NUMBER <= found.bought.max() <= LARGEST_NUMBER:
-            message = f"buys {found.bought.max():g} experiments, a number beyond sense"
-            raise ArgumentError(message, argument="cost_budget", given=budget)
+        found._require_sensible(budget)
         return found
+
+    def _require_sensible(self, budget: object) -> None:
+        """Check that the experiments that the budgets buy are a number to reckon with.
+
+        Raises:
+            ArgumentError: They are not; a candidate is named where the others are.
+        """
+        bought = self.bought
+        least = 1.0 / LARGEST_NUMBER
+        i = int(np.argmax(bought))
+        if least <= bought[i] <= LARGEST_NUMBER:
+            return
+        expected = f"expected {least:g} to {LARGEST_NUMBER:g}"
+        if ((least <= bought) & (bought <= LARGEST_NUMBER)).any():
+            message = f"candidate {i}: the budget buys {bought[i]:g} experiments; {expected}"
+            raise ArgumentError(message, argument="costs")
+        message = f"buys {bought[i]:g} experiments; {expected}"
+        raise ArgumentError(message, argument="cost_budget", given=budget)
 
     @property
     def bought(self) -> Array:

@@ -22,6 +22,8 @@ MOST_MB = 1500.0  # growth of memory in a case
 # answered a part.
 IN_PART = 1
 ANSWER_IN_PART = ("verify", "compensate")
+# What `edtk compensate` says of rows of a task, and of lines of a program, that have no answer.
+LEFT_OUT = re.compile(r"\d+ rows? left out|line \d+: ")
 # Lines that a progress bar writes, and overwrites.
 PROGRESS = re.compile(r"\[\d\d:\d\d[],<]|step/s|\d+step ")
 # Options and arguments in messages.
@@ -76,6 +78,7 @@ def judge(
         left = [path for path in changed if not _may_stay(case, path)]
     else:
         found += _success(case, answer)
+        found += _in_part(case, answer, lines, changed) if in_part else []
         left = [path for path in changed if _is_foreign(case, path)]
     if left:
         what = "changed or left on failure" if failed else "changed although it is no output"
@@ -148,6 +151,16 @@ def _success(case: Case, answer: Answer) -> list[Finding]:
     except ValueError as error:
         return [Finding(f"not strict JSON: {case.verb}", f"{error}: {_tail(answer.stdout)}")]
     return []
+
+
+def _in_part(case: Case, answer: Answer, lines: list[str], changed: list[str]) -> list[Finding]:
+    """Something of an answer in part, and a line that says what is not in it."""
+    found = []
+    if not answer.stdout.strip() and not changed:
+        found.append(Finding(f"nothing of an answer in part: {case.verb}", _tail(answer.stderr)))
+    if case.verb == "compensate" and not any(LEFT_OUT.search(line) for line in lines):
+        found.append(Finding("nothing says what is left out: compensate", _tail(answer.stderr)))
+    return found
 
 
 def _asks_for_json(case: Case) -> bool:

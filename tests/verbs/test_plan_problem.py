@@ -259,7 +259,14 @@ PROBLEM = edtk.Problem(RNG.normal(size=(5, 1, 2)))
         ({"blocks": (2, 2), "keep": [0]}, "experiments cannot be kept where others are put in"),
         ({"blocks": (2, 2), "block_variance": 0.0}, "block_variance 0.0: expected above 0"),
         ({"blocks": (2, 2), "block_variance": 5e-324}, "block_variance 5e-324: expected above 0"),
-        ({"costs": [1e-308] * 5, "cost_budget": 3}, "buys 1.34827e+308 experiments"),
+        (
+            {"costs": [1e-308] * 5, "cost_budget": 3},
+            "cost_budget 3: buys 1.34827e+308 experiments; expected 1e-150 to 1e+150",
+        ),
+        (
+            {"costs": [1, 1, 1e-200, 1, 1], "cost_budget": 3},
+            "costs: candidate 2: the budget buys 3e+200 experiments; expected 1e-150 to 1e+150",
+        ),
         ({"costs": [1] * 5, "cost_budget": 1e308}, "cost_budget: expected finite numbers, at most"),
         ({"size": 4, "constraints": [([1] * 5, 0, 10**400)]}, "expected a number, or None, as a"),
         ({"size": 4, "workers": 2}, "workers: not for plans of a problem of arrays"),

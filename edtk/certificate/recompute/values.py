@@ -101,10 +101,15 @@ def _of_spectrum(name: str, s: Array, variances: Array) -> float:
 
 
 def cost(name: str, printed: float) -> float:
-    """The cost, where smaller is better, of a printed value; or the printed value of a cost."""
+    """The cost, where smaller is better, of a printed value."""
     if name not in MAXIMISED:
         return printed
     return 1 / printed if printed > 0 else float("inf")
+
+
+def printed(name: str, cost_of_it: float) -> float:
+    """The printed value of a cost."""
+    return cost(name, cost_of_it)
 
 
 @dataclass(frozen=True, eq=False)

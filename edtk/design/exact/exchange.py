@@ -252,6 +252,7 @@ class _Search:
     prices: CandidatePrices | None
 
     def plans_of(self, places: Indices, times: Array) -> _Plans:
+        """The plans at places (b, k), with repetitions."""
         M = self.problem.plan_information(places, times)
         return _Plans(places, M, np.asarray(self.criterion.cost(M)).reshape(-1))
 
