@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from criteria.criterion import printed
-from criteria.linalg.inverse import root
 from edtk.design.bound import HEADLINE, VISIBLE
 from edtk.design.errors import RunErrors
 from edtk.design.exact.counts.problem_plan import ProblemPlan
