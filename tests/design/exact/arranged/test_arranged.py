@@ -277,7 +277,7 @@ def test_noise_that_is_nearly_the_same_in_all_runs_is_definite(correlation):
         (lambda: edtk.plan(quadratic(), 12, errors=Errors.trend(), most=1), "most"),
         (lambda: Errors.autoregressive(1.0), "between -1 and 1"),
         (lambda: Errors.autoregressive(1 - 1e-15), "at least 1e-10 away from both"),
-        (lambda: Errors.autoregressive(np.nan), "between -1 and 1"),
+        (lambda: Errors.autoregressive(np.nan), "expected a number, not nan"),
         (lambda: Errors.covariance([[1, 2], [2, 1]]), "not positive definite"),
         (lambda: Errors.spatial([0, 0, 1], 1.0), "nugget"),
         (lambda: Errors.strata({"day": 2}, -1.0), "above 0"),
