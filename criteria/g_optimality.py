@@ -8,6 +8,7 @@ from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import CovarianceCriterion, KinkedCriterion
 from criteria.linalg.inverse import lowered_root, power_trace_of_root, whitener
 from criteria.linalg.logarithms import soft_maximum
+from criteria.linalg.shares import WEIGHT_STEPS
 from criteria.linalg.spectrum import conjugate
 from criteria.linalg.typing import Array
 from criteria.registry import register
@@ -15,7 +16,6 @@ from criteria.registry import register
 if TYPE_CHECKING:
     import cvxpy as cp
 
-WEIGHT_STEPS = 20  # towards the best weights of the variances
 NEGLIGIBLE = (
     1e-8  # a variance whose weighted part is below this share of the largest gets no weight
 )

@@ -8,10 +8,8 @@ from numpy.typing import ArrayLike
 
 from criteria.convex_criterion import ConvexCriterion
 from criteria.criterion import KinkedCriterion
-from criteria.g_optimality import WEIGHT_STEPS
 from criteria.linalg.inverse import (
     TINY,
-    eigenpairs,
     lowered_root,
     power_trace_of_root,
     rounding_of_rows,
@@ -19,7 +17,7 @@ from criteria.linalg.inverse import (
 )
 from criteria.linalg.logarithms import soft_maximum
 from criteria.linalg.long_product import long_product
-from criteria.linalg.shares import least_squares_shares
+from criteria.linalg.shares import least_squares_shares, steps_to_largest_polar
 from criteria.linalg.typing import Array, Indices, triangle
 from criteria.registry import register
 from criteria.relaxable import Formulation
@@ -128,7 +126,7 @@ class WorstTaskAccuracy(KinkedCriterion, ConvexCriterion):
         best = starts[1]
         most = -1.0
         for weights in starts:
-            for step in _steps(whitened, S @ Z @ S.T, weights):
+            for step in steps_to_largest_polar(whitened, S @ Z @ S.T, weights):
                 found = _weighted_polar(self.targets[tasks], F, step)
                 if found > most:
                     most = found
@@ -211,23 +209,3 @@ def _least_squares_weights(squares: Array, Z: Array) -> Array:
     largest = sizes.max()
     # Without the penalty a task below the largest error may stand in for some that have it.
     return least_squares_shares(squares, Z, 1 - sizes / largest, largest)
-
-
-def _steps(squares: Array, Z: Array, weights: Array) -> list[Array]:
-    """Weights (d,) of sum one, step by step towards those of the largest polar, all whitened."""
-    found = []
-    z, V = eigenpairs(Z)
-    root = (V * np.sqrt(np.maximum(z, 0.0))) @ V.T
-    turned = root @ squares @ root
-    for _ in range(WEIGHT_STEPS):
-        if not weights.sum() > 0:
-            break
-        found.append(weights)
-        values, U = eigenpairs(np.tensordot(weights, turned, axes=1))
-        # The gradient is K^(-1/2)/2; where K has no part, no task that has weight has one either.
-        inverse = np.where(values > 1e-12 * values[-1], np.maximum(values, TINY) ** -0.5, 0.0)
-        gains = np.tensordot(turned, (U * inverse) @ U.T, axes=2)
-        weights = weights * np.maximum(gains, 0.0)  # rounding may leave less than none
-        total = weights.sum()
-        weights = weights / total if total > 0 else weights
-    return found
