@@ -20,9 +20,10 @@ TINY = 1e-300  # what nothing counts as where it is divided by, or its logarithm
 def eigenpairs(M: Array) -> tuple[Array, Array]:
     """Eigenvalues (..., n), ascending, and eigenvectors (..., n, n) of symmetric M (..., n, n).
 
-    NumPy calls LAPACK's divide and conquer, which fails for one in some millions of ordinary
-    matrices of more than 25 columns. QR iterations, which are slower, find their eigenvalues. Of a
-    matrix that is not finite there are none: NumPy returns NaN, or says that it did not converge.
+    NumPy calls LAPACK's divide and conquer, which on rare occasions does not converge for an
+    ordinary matrix of more than 25 columns. QR iterations, which are slower, find its eigenvalues.
+    Of a matrix that is not finite there are none: NumPy returns NaN, or says that it did not
+    converge.
 
     Raises:
         LinAlgError: QR iterations do not converge either, or were not tried, as M is not finite.

@@ -16,9 +16,9 @@ SWEEPS = 30  # of rotations; ten are the rule
 def eigenpairs(M: Array) -> tuple[Array, Array]:
     """Eigenvalues (..., n), ascending, and eigenvectors (..., n, n) of symmetric M (..., n, n).
 
-    Divide and conquer of LAPACK fails for one in some millions of ordinary matrices of more than 25
-    columns, for which no certificate is to be called unsound: rotations, which are slower, find
-    their eigenvalues.
+    Divide and conquer of LAPACK on rare occasions does not converge for an ordinary matrix of more
+    than 25 columns, for which no certificate is to be called unsound: rotations, which are slower,
+    find its eigenvalues.
 
     Raises:
         LinAlgError: M is not finite.
