@@ -6,7 +6,7 @@ from house import house
 # What may be at most. When a count has become better, its limit follows.
 LIMITS = {
     "files": 481,
-    "statements": 62_170,
+    "statements": 62_150,
     "one_function": 0.3,
     "circles": 0,
     "questions": 2,

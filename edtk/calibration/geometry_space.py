@@ -390,7 +390,7 @@ class GeometrySpace(DesignSpace):
         """Visits (k,) that share the model's errors of each pose; None where nothing is shared."""
         if not self.noise.shares:
             return None
-        sliding = np.array([joint.kind == "prismatic" for joint in self.geometry.robot.joints])
+        sliding = self.geometry.robot.slides
         return shared_visits(plan.q, plan.repeats, sliding, self.noise.within, plan.wrench)
 
     @cached_property

@@ -107,8 +107,7 @@ def _parts(study: Study, noise: VisitNoise, plan: Plan) -> tuple[Array, Array]:
     """What repeats average out, and what they share (m, rows, rows) [m^2, rad^2]."""
     frames = study.model.frames(plan.q)
     scatter = np.moveaxis(noise.scatter_of(study.model, frames), -1, 0)
-    prismatic = np.array([joint.kind == "prismatic" for joint in study.robot.joints])
-    visits = shared_visits(plan.q, plan.repeats, prismatic, noise.within, plan.wrench)
+    visits = shared_visits(plan.q, plan.repeats, study.robot.slides, noise.within, plan.wrench)
     near = visits / plan.repeats
     shared = np.moveaxis(noise.shared_of(study.model, frames, plan.wrench), -1, 0)
     if study.sight is not None:

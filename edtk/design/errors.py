@@ -307,14 +307,14 @@ class Errors(Presented):
     def _of_matrix(cls, V: Array, words: str) -> "Errors":
         """Noise of a covariance (m, m), which must be definite."""
         r = np.linalg.eigvalsh(V)
-        if r[0] > SINGULAR * r[-1] and not r[0] > 1.0 / LARGEST_NUMBER:
-            message = f"expected variances of at least {1.0 / LARGEST_NUMBER:.0e}"
-            raise ArgumentError(message, argument="V")
         if not r[0] > SINGULAR * r[-1]:
             message = "the covariance of the runs is not positive definite"
             hint = ", some runs are at one place: expected a nugget above 0"
             is_one_place = "distance" in words and r[0] > -SINGULAR * r[-1]
             raise ArgumentError(message + (hint if is_one_place else ""), argument="V")
+        if not r[0] > 1.0 / LARGEST_NUMBER:
+            message = f"expected variances of at least {1.0 / LARGEST_NUMBER:.0e}"
+            raise ArgumentError(message, argument="V")
         return cls(correlation=Correlation(words, partial(_given, V), len(V)), size=len(V))
 
     @classmethod
@@ -450,7 +450,7 @@ class RunErrors:
         """
         own = np.linalg.inv(np.linalg.cholesky(self.noise))
         known = [np.sqrt(size) * columns for columns, size in self.effects if np.isfinite(size)]
-        C = np.concatenate([np.zeros((self.m, 1)), *known], axis=1)
+        C = np.concatenate([np.zeros((self.m, 0)), *known], axis=1)
         U, s, _ = np.linalg.svd(own @ C)
         spread = np.zeros(self.m)
         spread[: len(s)] = s

@@ -252,14 +252,14 @@ def _bounded(
 
 def in_radians(robot: Robot, data: MarkerPositions) -> bool:
     """Whether the sheet's degrees fit far better as radians."""
-    matrix = np.diag(np.where(_slides(robot), 1.0, 1 / DEGREE))
+    matrix = np.diag(np.where(robot.slides, 1.0, 1 / DEGREE))
     meant = placed_by_most(robot, data, matrix)
     return meant.whole and not far_off(meant, data)
 
 
 def one_in_radians(robot: Robot, data: MarkerPositions) -> str | None:
     """The joint whose degrees fit far better as radians, if one alone is written so."""
-    for j in np.flatnonzero(np.logical_not(_slides(robot))):
+    for j in np.flatnonzero(~robot.slides):
         scale = np.ones(robot.n)
         scale[j] /= DEGREE
         meant = placed_by_most(robot, data, np.diag(scale))
@@ -270,16 +270,11 @@ def one_in_radians(robot: Robot, data: MarkerPositions) -> str | None:
 
 def in_metres(robot: Robot, data: MarkerPositions) -> bool:
     """Whether the sheet's millimetres of prismatic joints fit far better as metres."""
-    slides = _slides(robot)
+    slides = robot.slides
     if not slides.any():
         return False
     meant = placed_by_most(robot, data, np.diag(np.where(slides, 1e3, 1.0)))
     return meant.whole and not far_off(meant, data)
-
-
-def _slides(robot: Robot) -> Array:
-    """Mask (n,) of the prismatic joints."""
-    return np.array([joint.kind == "prismatic" for joint in robot.joints])
 
 
 def _words(turned: list[str], names: tuple[str, ...], follower: int, by: int) -> str:

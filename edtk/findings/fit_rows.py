@@ -199,10 +199,8 @@ class FitRows:
 
     def _noise_beside(self, design: FewColumns) -> PositionNoise:
         """The noise, fitted beside a design."""
-        joints = self.fit.fitted.model.robot.joints
-        slides = np.array([joint.kind == "prismatic" for joint in joints])
         rows = replace(self.independent, columns=self._independent(design))
-        return rows.with_model_error(self.noise, slides)
+        return rows.with_model_error(self.noise, self.fit.fitted.model.robot.slides)
 
     def weighed(self, noise: PositionNoise | None) -> Beside:
         """The design by weights of a noise, as rows that err independently.

@@ -212,7 +212,7 @@ def _rounded(fit: GeometricFit) -> list[Finding]:
     each joint and pose. Commands may be whole degrees: they are a finding only where the residuals
     are those of joints that err by as much.
     """
-    slides = np.array([joint.kind == "prismatic" for joint in fit.fitted.model.robot.joints])
+    slides = fit.fitted.model.robot.slides
     errors = fit.fitted.noise.model_joints
     if slides.all() or not len(errors):
         return []

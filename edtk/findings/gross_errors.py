@@ -255,8 +255,7 @@ def _causes(
     left = _left(agreed, data, visit)
     for unit, scale in SCALES.items():
         yield "unit", f"as if in {unit}", float(left(x / scale, q[None])[0])
-    slides = np.array([joint.kind == "prismatic" for joint in robot.joints])
-    turned = np.where(slides, q, q / DEGREE)
+    turned = np.where(robot.slides, q, q / DEGREE)
     yield "radians", "as if angles were in radians", float(left(x, turned[None])[0])
     for step, which in ((-1, "before"), (1, "after")):
         if 0 <= visit + step < len(data):

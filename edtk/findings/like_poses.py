@@ -181,7 +181,7 @@ def _correlations(rows: FitRows, poses: Indices) -> Iterator[Array]:
     robot = rows.scene.robot
     q = rows.scene.q[poses]
     apart = q[:, None] - q[None]
-    turns = np.array([joint.kind == "revolute" for joint in robot.joints])
+    turns = ~robot.slides
     spread = np.where(turns, 1.0, np.maximum(np.ptp(q, axis=0), RIGID))
     chord = np.where(turns, 2 * np.sin(apart / 2), apart / spread)
     yield np.moveaxis(np.exp(-np.square(chord / TURN) / 2), -1, 0)

@@ -111,8 +111,9 @@ def _model_errors(
     first = np.unique(data.pose, return_index=True)[1]
     of_visit = np.unique(data.visits, return_index=True)[1]
     visits = np.bincount(data.pose[of_visit], times[of_visit])
-    prismatic = np.array([joint.kind == "prismatic" for joint in study.robot.joints])
-    near = shared_visits(data.q[first], visits, prismatic, noise.within, data.wrench[first])
+    near = shared_visits(
+        data.q[first], visits, study.robot.slides, noise.within, data.wrench[first]
+    )
     counted = np.sqrt(near / visits)[data.pose, None]
     sizes = np.where(data.lengths, float(noise.discrepancy.max()), 0.0)
     if noise.error is None:

@@ -212,7 +212,7 @@ def _forces(data: Measurements) -> Iterator[Part]:
 
 def _angles(study: Study, data: Measurements) -> Iterator[Part]:
     """Rows whose angles are all within 2 pi degrees of zero, where others are not."""
-    turns = np.array([joint.kind == "revolute" for joint in study.robot.joints])
+    turns = ~study.robot.slides
     free = turns & ~np.isin(np.arange(len(turns)), list(study.fixed))
     shown = study.robot.shown(data.q)
     rows = np.abs(np.rad2deg(shown[:, free])).max(axis=1, initial=0.0) <= 2 * np.pi

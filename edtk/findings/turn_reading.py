@@ -116,8 +116,7 @@ def _skew_part(turns: Array) -> Array:
 
 def _ways_of_joints(robot: Robot, q: Array) -> Mapping[str, Array]:
     """Orientations (m, 3, 3) of the flange with joint angles as read, and as if in radians."""
-    slides = np.array([joint.kind == "prismatic" for joint in robot.joints])
-    ways = {"": q, "radians": np.where(slides, q, q / DEGREE)}
+    ways = {"": q, "radians": np.where(robot.slides, q, q / DEGREE)}
     return {words: robot.forward(way)[:, :3, :3] for words, way in ways.items()}
 
 

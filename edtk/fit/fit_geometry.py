@@ -29,7 +29,7 @@ from edtk.measure.measured_model import MeasuredModel, Torque
 from edtk.measure.parameters import TURNS, Identifiable, Parameter, identifiable
 from edtk.measure.position_noise import PositionNoise
 from edtk.measure.whitening import Precision, Scatter
-from edtk.system.typing import Array, Indices, Mask
+from edtk.system.typing import Array, Indices
 
 RANDOM_POSES = 60  # random poses that show what any poses could tell
 NOISE_ROUNDS = 8  # of fit and noise, in turn
@@ -397,7 +397,7 @@ def _in_turns(
     noise = stated
     weights = np.ones(len(means))
     last = np.zeros(3)
-    slides = _slides(model)
+    slides = model.robot.slides
 
     def at_rest(theta: Array, derivatives: bool) -> Torque:
         return loading_of(model.bending(theta), means, loads, derivatives)
@@ -442,12 +442,7 @@ def _as_shown(
     torque = loading_of(model.bending(theta), means, loads)
     before = known_before(prior, model, theta)
     rows = PoseRows.of(model, theta, means, torque, before).weighted(weights)
-    return rows.with_model_error(noise, _slides(model), singly=True)
-
-
-def _slides(model: MeasuredModel) -> Mask:
-    """Which joints (n,) are prismatic."""
-    return np.array([joint.kind == "prismatic" for joint in model.robot.joints])
+    return rows.with_model_error(noise, model.robot.slides, singly=True)
 
 
 def _trusted(residual: Array, V: Scatter, means: MarkerPositions) -> Array:

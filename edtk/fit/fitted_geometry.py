@@ -542,10 +542,8 @@ class FittedGeometry:
         fit = self.noise.model_fit
         if fit is None:
             return []
-        joints = self.model.robot.joints
-        slides = np.array([joint.kind == "prismatic" for joint in joints])
         drawn = len(fit.variances) - self.noise.changes
-        return fitted_kinds(slides, drawn, len(self.noise.white_kinds(width)))
+        return fitted_kinds(self.model.robot.slides, drawn, len(self.noise.white_kinds(width)))
 
     def _dof(self, slopes: Array | None, own: Array) -> Array:
         """Degrees of freedom (m, r) of bands with some variances."""

@@ -119,7 +119,7 @@ def _bodies_of_many(
         R = R @ joint.origin[:3, :3]
         p = p + (R @ errors[:, None, j, :3, None])[..., 0]
         R = R @ bends[:, None, j]
-        if model.chain.slides[j]:
+        if robot.chain_slides[j]:
             p = p + variables[..., j, None] * (R @ joint.axis)
         else:
             R = R @ joint_turns[:, :, j]

@@ -62,15 +62,10 @@ class ErringChain:
     robot: Robot
 
     @cached_property
-    def slides(self) -> Array:
-        """Mask (N,) of the prismatic joints."""
-        return np.array([joint.kind == "prismatic" for joint in self.robot.chain])
-
-    @cached_property
     def _axes(self) -> Array:
         """Axes (N, 3) about which the joints turn; zeros where they slide."""
         axes = np.array([joint.axis for joint in self.robot.chain])
-        return np.where(self.slides[:, None], 0.0, axes)
+        return np.where(self.robot.chain_slides[:, None], 0.0, axes)
 
     @property
     def n(self) -> int:
@@ -111,7 +106,7 @@ class ErringChain:
             R = R @ bends[j]
             origins[j] = p
             turned[j] = R
-            if self.slides[j]:
+            if self.robot.chain_slides[j]:
                 p = p + variables[:, j, None] * (R @ joint.axis)
             else:
                 R = R @ turns[j]
@@ -158,14 +153,14 @@ class ErringChain:
         ]
         axes = np.stack(along)[:, :, None]
         D = vector_product(axes, points - placed.origins[:, :, None])
-        D[self.slides] = axes[self.slides]
+        D[self.robot.chain_slides] = axes[self.robot.chain_slides]
         return np.moveaxis(D, 0, -1)
 
     def turns_by_each(self, placed: PlacedChain) -> Array:
         """Derivatives (m, 3, N) of the tool's orientation by each joint."""
         D = np.zeros((self.n, len(placed.points), 3))
         for j, joint in enumerate(self.robot.chain):
-            if not self.slides[j]:
+            if not self.robot.chain_slides[j]:
                 D[j] = placed.turned[j] @ joint.axis
         return np.moveaxis(D, 0, -1)
 

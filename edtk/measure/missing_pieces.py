@@ -76,7 +76,7 @@ class MissingPieces:
 
     def size(self, robot: Robot) -> Array:
         """Compliances (n,) of springs across the joints; beside a rigid one, as the next joint."""
-        turns = np.array([joint.kind == "revolute" for joint in robot.joints])
+        turns = ~robot.slides
         soft = np.flatnonzero(turns & (self.k > 0))
         if not len(soft):
             return np.zeros(len(self.k))

@@ -126,7 +126,7 @@ def _pose_unit(study: StudyObjects) -> Iterator[Finding]:
 
 def _unit_of_pose(study: StudyObjects, q_deg: Array, key: str) -> Iterator[Finding]:
     """A pose (n,) whose angles look like radians."""
-    angles = q_deg[[joint.kind == "revolute" for joint in study.robot.joints]]
+    angles = q_deg[~study.robot.slides]
     if is_like_radians(angles):
         yield Finding.of(
             Severity.WARNING, WORDING, "angle_unit", key=key, largest=float(np.abs(angles).max())

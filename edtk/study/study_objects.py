@@ -423,10 +423,9 @@ class StudyObjects(Asked):
         plan = _of_sheet(self, path, made)
         if plan is None:
             plan = Plan.from_csv(path, self.robot, self.fixed, self.kind.wrench_of_pose(self))
-        revolute = np.array([joint.kind == "revolute" for joint in self.robot.joints])
-        resolution = np.deg2rad(self.specification.workspace.plan_resolution_deg) * revolute
+        resolution = np.deg2rad(self.specification.workspace.plan_resolution_deg)
         workspace = Workspace(self.robot, self.specification.workspace.build())
-        slack = workspace.slack_within(plan.q, resolution)
+        slack = workspace.slack_within(plan.q, resolution * ~self.robot.slides)
         outside = (slack < FEASIBLE).any(axis=1)
         if outside.any():
             row = int(outside.argmax())

@@ -32,12 +32,12 @@ def whole_turns(robot: Robot) -> Mask:
     Joints that turn are of this kind, unless another one slides with them, or turns by a broken
     share of their angle.
     """
-    found = np.array([joint.kind != "prismatic" for joint in robot.joints])
+    found = ~robot.slides
     if robot.ties is None:
         return found
     P = robot.ties.matrix
-    slides = np.array([joint.kind == "prismatic" for joint in robot.chain])
-    broken = (np.abs(P - np.round(P)) > WHOLE_FACTOR) | (slides[:, None] & (P != 0))
+    sliding = robot.chain_slides[:, None] & (P != 0)
+    broken = (np.abs(P - np.round(P)) > WHOLE_FACTOR) | sliding
     return np.asarray(found & ~broken.any(axis=0))
 
 
@@ -243,7 +243,7 @@ def _couplings(robot: Robot) -> list[Follows]:
     """Joints that may follow one before them."""
     frames = robot.frames(np.zeros(robot.n))
     axes = frames.axes if frames.ties is None else frames.axes[frames.ties.free]
-    turns = [joint.kind != "prismatic" for joint in robot.joints]
+    turns = ~robot.slides
     found = []
     for j in range(1, robot.n):
         for leader in reversed(range(j)):
